@@ -1,0 +1,23 @@
+// Template bodies of mpi.hpp.
+#pragma once
+
+#include "polyslip/common/error.hpp"
+#include "polyslip/common/mpi.hpp"
+
+namespace polyslip::mpi {
+
+template <class Body>
+void on_root(MPI_Comm comm, Body&& body, int root) {
+  std::string failure;
+  if (rank(comm) == root) {
+    try {
+      body();
+    } catch (const std::exception& e) {
+      failure = *e.what() ? e.what() : "unknown failure";
+    }
+  }
+  failure = broadcast(comm, failure, root);
+  if (!failure.empty()) throw InputError(failure);
+}
+
+}  // namespace polyslip::mpi

@@ -1,0 +1,75 @@
+// Owning handles of PETSc objects: move-only, destroyed once, null after a move. A raw Mat or Vec parameter always means
+// borrowed; ownership passes only as a Handle by value.
+#pragma once
+
+#include <petscdm.h>
+#include <petscsf.h>
+#include <petscsnes.h>
+#include <petscviewer.h>
+
+#include <stdexcept>
+#include <string>
+#include <utility>
+
+namespace polyslip::la {
+
+/// Turns a PETSc error code into an exception; for code outside PETSc callbacks.
+inline void check(PetscErrorCode code, const char* where) {
+  if (code != 0) throw std::runtime_error(std::string("PETSc error ") + std::to_string(code) + " in " + where);
+}
+
+template <class T>
+struct Destroyer;
+
+// clang-format off
+template <> struct Destroyer<Mat> { static void apply(Mat* o) { (void)MatDestroy(o); } };
+template <> struct Destroyer<Vec> { static void apply(Vec* o) { (void)VecDestroy(o); } };
+template <> struct Destroyer<IS> { static void apply(IS* o) { (void)ISDestroy(o); } };
+template <> struct Destroyer<KSP> { static void apply(KSP* o) { (void)KSPDestroy(o); } };
+template <> struct Destroyer<PC> { static void apply(PC* o) { (void)PCDestroy(o); } };
+template <> struct Destroyer<SNES> { static void apply(SNES* o) { (void)SNESDestroy(o); } };
+template <> struct Destroyer<DM> { static void apply(DM* o) { (void)DMDestroy(o); } };
+template <> struct Destroyer<PetscSF> { static void apply(PetscSF* o) { (void)PetscSFDestroy(o); } };
+template <> struct Destroyer<MatNullSpace> { static void apply(MatNullSpace* o) { (void)MatNullSpaceDestroy(o); } };
+template <> struct Destroyer<PetscViewer> { static void apply(PetscViewer* o) { (void)PetscViewerDestroy(o); } };
+// clang-format on
+
+/// Sole owner of one PETSc object.
+template <class T>
+class Handle {
+ public:
+  Handle() = default;
+  explicit Handle(T object) : object_(object) {}
+  Handle(Handle&& other) noexcept : object_(std::exchange(other.object_, nullptr)) {}
+  Handle& operator=(Handle&& other) noexcept {
+    if (this != &other) {
+      reset();
+      object_ = std::exchange(other.object_, nullptr);
+    }
+    return *this;
+  }
+  Handle(const Handle&) = delete;
+  Handle& operator=(const Handle&) = delete;
+  ~Handle() { reset(); }
+
+  /// The borrowed object; null when empty.
+  [[nodiscard]] T get() const { return object_; }
+  operator T() const { return object_; }  // NOLINT: borrowed on purpose
+  /// Address for PETSc's create functions; destroys what was held.
+  [[nodiscard]] T* put() {
+    reset();
+    return &object_;
+  }
+  void reset() {
+    if (object_ != nullptr) Destroyer<T>::apply(&object_);
+    object_ = nullptr;
+  }
+
+ private:
+  T object_ = nullptr;
+};
+
+}  // namespace polyslip::la
+
+/// Checks a PETSc call outside callbacks: throws std::runtime_error.
+#define POLYSLIP_PETSC(call) ::polyslip::la::check((call), #call)

@@ -1,0 +1,58 @@
+// The mesh of one rank: owned cells and one layer of ghosts, with global numbers for cells, node copies and fracture faces.
+#pragma once
+
+#include <mpi.h>
+
+#include <vector>
+
+#include "polyslip/mesh/poly_mesh.hpp"
+
+namespace polyslip::mesh {
+
+/// Owned entities come first (local 0 .. owned-1, global first .. first+owned-1), then ghosts with their global numbers.
+struct Numbering {
+  Index owned = 0;
+  GlobalIndex first = 0;            ///< Global number of the first owned entity.
+  GlobalIndex total = 0;            ///< Over all ranks.
+  std::vector<GlobalIndex> ghosts;  ///< Global numbers of the ghosts, local number owned + i.
+
+  [[nodiscard]] Index local() const { return owned + static_cast<Index>(ghosts.size()); }
+  [[nodiscard]] GlobalIndex global(Index i) const { return i < owned ? first + i : ghosts[i - owned]; }
+};
+
+/// Part of a rank. The ghost layer holds every cell that shares a node (geometric, across Gamma too) with an owned cell, and then the
+/// cells across the fracture faces of all these. So the rows of every owned copy can be assembled without communication, condensed
+/// fracture blocks included. Ranks may own no cell.
+struct DistributedMesh {
+  MPI_Comm comm = MPI_COMM_SELF;
+  PolyMesh mesh;  ///< Owned cells first. Faces of ghosts whose neighbour is not here keep face_cells[f][1] = -1 and are not
+                  ///< boundary: see face_is_boundary.
+  std::vector<char> face_is_boundary;  ///< 1 on faces on the boundary of the whole domain, one a local face.
+
+  Numbering cells;
+  Numbering copies;                 ///< A copy belongs to the lowest rank that owns a cell which sees it.
+  Numbering fractures;              ///< Fracture faces; a face belongs to the rank that owns its + cell.
+  std::vector<Index> fracture_faces;  ///< Local face of each local fracture face, in the order of `fractures`.
+
+  std::vector<GlobalIndex> cell_input;           ///< Number of each local cell in the serial mesh: independent of the rank count.
+  std::vector<GlobalIndex> fracture_face_input;  ///< Number in the serial mesh of each local fracture face's face.
+
+  GlobalIndex total_faces = 0;  ///< Over all ranks, each face once.
+  GlobalIndex total_nodes = 0;
+};
+
+struct PartitionOptions {
+  Index fracture_cell_weight = 2;  ///< Work of a cell that touches Gamma, in units of a plain cell.
+  Index fracture_edge_weight = 8;  ///< Cost of cutting a fracture face, in units of a plain face.
+};
+
+/// Splits the serial mesh (rank 0's; ignored elsewhere) into parts with METIS and sends each rank its part; the serial mesh is
+/// consumed and freed. Until then rank 0 holds a whole mesh, the one place where global-size data lives on a rank.
+/// Cells, copies and fracture faces keep, within a rank, the order of the serial mesh.
+/// Throws InputError on all ranks alike.
+DistributedMesh distribute(MPI_Comm comm, PolyMesh&& serial, const PartitionOptions& options = {});
+
+/// The same with the parts given (part[c] is the rank of serial cell c); for tests: empty ranks, scattered parts.
+DistributedMesh distribute(MPI_Comm comm, PolyMesh&& serial, const std::vector<Index>& part);
+
+}  // namespace polyslip::mesh
