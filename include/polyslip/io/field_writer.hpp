@@ -1,4 +1,5 @@
-// Fields over time for ParaView: matrix.xdmf + matrix.h5 (cells and node copies) and fractures.xdmf + fractures.h5 (fracture faces).
+// Fields over time for ParaView: matrix.xdmf + matrix.h5 (cells and node copies) and fractures.xdmf + fractures.h5 (fracture
+// faces).
 #pragma once
 
 #include <filesystem>

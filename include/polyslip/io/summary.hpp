@@ -11,6 +11,7 @@ namespace polyslip::io {
 struct Summary {
   std::string scene, version, status = "finished", message;
   int ranks = 1;
+  // clang-format off
   struct { int dimension = 0; long long cells = 0, faces = 0, nodes = 0, fracture_faces = 0; double h_max = 0, h_min = 0; } mesh;
   struct { long long displacement_nodal = 0, displacement_bubble = 0, multiplier = 0, pressure = 0, total = 0, solved = 0; } dofs;
   struct { int accepted = 0, rejected = 0; } steps;
@@ -25,6 +26,7 @@ struct Summary {
   } errors;
   struct { std::optional<double> max_slip, max_opening, min_pressure, max_pressure, mean_pressure; } extremes;
   struct { double total = 0, read = 0, partition = 0, assemble = 0, condense = 0, solve = 0, write = 0; } seconds;
+  // clang-format on
   std::vector<double> peak_memory_mb_per_rank;
 };
 
