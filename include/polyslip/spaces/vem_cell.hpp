@@ -1,0 +1,62 @@
+// The P1-bubble virtual element of one cell (scheme.md section 3): reconstructions G_K and Pi_K.
+//
+// Local unknowns of K, in this order:
+//   j = 0 .. n_nodes-1          v_{Ks}, nodes of K in the order of cell_nodes[K]
+//   j = n_nodes .. size()-1     v_{Ksigma}, bubbles of the fracture faces whose + side is K, in the order of bubble_faces()
+// Gradient:  G_K v = sum_j v_j (x) c_j,   c_s = 1/|K| sum_sigma g_{sigma s},   c_sigma = 1/|K| sum_s g_{sigma s}
+// (g: vector weights out of K, geometry/faces.hpp; |sigma| w_s n where sigma is planar).
+// Function:  Pi_K v(x) = G_K v (x - xbar) + 1/n_nodes sum_s v_{Ks}.
+#pragma once
+
+#include <span>
+#include <vector>
+
+#include "polyslip/geometry/quadrature.hpp"
+#include "polyslip/mesh/poly_mesh.hpp"
+
+namespace polyslip::spaces {
+
+/// Built for one cell after another; its buffers are reused, so a loop over cells does not allocate.
+class VemCell {
+ public:
+  explicit VemCell(const mesh::PolyMesh& mesh) : mesh_(mesh) {}
+
+  /// Computes everything for one cell.
+  void build(Index cell);
+
+  [[nodiscard]] Index cell() const { return cell_; }
+  [[nodiscard]] int n_nodes() const { return n_nodes_; }
+  [[nodiscard]] int n_bubbles() const { return static_cast<int>(bubble_faces_.size()); }
+  [[nodiscard]] int size() const { return n_nodes_ + n_bubbles(); }
+  [[nodiscard]] double volume() const { return volume_; }      ///< |K| [m^d]
+  [[nodiscard]] double diameter() const { return diameter_; }  ///< h_K [m]
+  [[nodiscard]] const Vec3& xbar() const { return xbar_; }     ///< Average of the nodes [m].
+  [[nodiscard]] std::span<const Vec3> c() const { return c_; }            ///< Gradient weights [1/m], one a local unknown.
+  [[nodiscard]] std::span<const Vec3> offsets() const { return offsets_; }  ///< x_s - xbar [m], one a node.
+  [[nodiscard]] std::span<const Index> bubble_faces() const { return bubble_faces_; }  ///< Mesh faces.
+
+  /// G_K v for values v_j of dim components each, v[dim * j + i]; entry (i, k) = d v_i / d x_k.
+  [[nodiscard]] Eigen::Matrix3d gradient(std::span<const double> v) const;
+  /// Pi_K v(x) with the gradient of v given.
+  [[nodiscard]] Vec3 value(const Eigen::Matrix3d& gradient_of_v, std::span<const double> v, const Vec3& x) const;
+
+  /// Appends the degree 2 rule of the cell.
+  void append_rule(std::vector<geometry::QuadraturePoint>& rule) const;
+
+ private:
+  void add_face(Index face);
+
+  const mesh::PolyMesh& mesh_;
+  Index cell_ = -1;
+  int n_nodes_ = 0;
+  double volume_ = 0, diameter_ = 0;
+  Vec3 xbar_;
+  std::vector<Vec3> c_, offsets_, bubble_c_;
+  std::vector<Index> bubble_faces_;
+  mutable std::vector<Vec3> points_, g_;
+};
+
+/// Points of a face in its own order, appended to an emptied buffer.
+void face_points(const mesh::PolyMesh& mesh, Index face, std::vector<Vec3>& points);
+
+}  // namespace polyslip::spaces

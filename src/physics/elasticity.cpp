@@ -1,0 +1,95 @@
+#include "polyslip/physics/elasticity.hpp"
+
+#include <fmt/format.h>
+
+#include <cmath>
+
+#include "polyslip/common/error.hpp"
+
+namespace polyslip::physics {
+
+namespace {
+
+Vec3 average_of_nodes(const mesh::PolyMesh& mesh, Index cell) {
+  Vec3 c = Vec3::Zero();
+  for (Index s : mesh.cell_nodes[cell]) c += mesh.nodes[s];
+  return c / mesh.cell_nodes.row_size(cell);
+}
+
+Lame moduli_at(const ElasticRule& rule, const EvalPoint& at) {
+  const double a = rule.first(at), b = rule.second(at);
+  if (rule.pair == ElasticRule::Pair::lame) return {a, b};
+  return {a / (2 * (1 + b)), a * b / ((1 + b) * (1 - 2 * b))};
+}
+
+void check_admissible(const Lame& lame, const ElasticRule& rule, const Vec3& x) {
+  if (lame.mu > 0 && 2 * lame.mu + 3 * lame.lambda > 0 && std::isfinite(lame.lambda)) return;
+  throw InputError(fmt::format("elastic moduli mu = {:g} Pa, lambda = {:g} Pa at ({:g}, {:g}, {:g}) are not those of a stable solid", lame.mu,
+                               lame.lambda, x.x(), x.y(), x.z()),
+                   rule.place, "Give E > 0 and -1 < nu < 0.5 (or mu > 0 and lambda > -2 mu/3)");
+}
+
+template <int dim>
+void stiffness(const spaces::VemCell& cell, const Lame& lame, double gamma, std::span<double> matrix) {
+  using VecD = Eigen::Matrix<double, dim, 1>;
+  const int n = cell.n_nodes(), m = cell.size();
+  const double volume = cell.volume(), scale = gamma * std::pow(cell.diameter(), dim - 2);
+  const auto c = cell.c();
+  const auto y = cell.offsets();
+  Eigen::Matrix<double, dim, dim> inertia = Eigen::Matrix<double, dim, dim>::Zero();
+  for (const Vec3& v : y) inertia += v.head<dim>() * v.head<dim>().transpose();
+  for (int j = 0; j < m; ++j) {
+    const VecD cj = c[j].template head<dim>();
+    const VecD inertia_cj = inertia * cj;
+    for (int k = 0; k < m; ++k) {
+      const VecD ck = c[k].template head<dim>();
+      double p = inertia_cj.dot(ck);
+      if (j < n) p -= y[j].template head<dim>().dot(ck);
+      if (k < n) p -= y[k].template head<dim>().dot(cj);
+      if (j < n && k < n) p -= 1.0 / n;
+      if (j == k) p += 1;
+      const double diagonal = volume * lame.mu * cj.dot(ck) + scale * p;
+      for (int a = 0; a < dim; ++a) {
+        double* row = &matrix[static_cast<std::size_t>((dim * j + a) * dim * m + dim * k)];
+        for (int b = 0; b < dim; ++b) row[b] = volume * (lame.lambda * cj[a] * ck[b] + lame.mu * ck[a] * cj[b]);
+        row[a] += diagonal;
+      }
+    }
+  }
+}
+
+}  // namespace
+
+std::vector<Lame> cell_moduli(const mesh::PolyMesh& mesh, const std::vector<ElasticRule>& rules) {
+  std::vector<Lame> moduli(static_cast<std::size_t>(mesh.n_cells()));
+  for (Index cell = 0; cell < mesh.n_cells(); ++cell) {
+    const EvalPoint at{.x = average_of_nodes(mesh, cell)};
+    const std::string& region = mesh.region_names[static_cast<std::size_t>(mesh.cell_region[cell])];
+    const ElasticRule* chosen = nullptr;
+    for (const ElasticRule& rule : rules)
+      if ((rule.region.empty() || rule.region == region) && (!rule.where || (*rule.where)(at) != 0)) chosen = &rule;
+    if (chosen == nullptr)
+      throw InputError(fmt::format("no material covers the point ({:g}, {:g}, {:g}) of region '{}'", at.x.x(), at.x.y(), at.x.z(), region),
+                       "materials", "Add a material without region and where as the first entry");
+    moduli[static_cast<std::size_t>(cell)] = moduli_at(*chosen, at);
+    check_admissible(moduli[static_cast<std::size_t>(cell)], *chosen, at.x);
+  }
+  return moduli;
+}
+
+Eigen::Matrix3d stress(const Lame& lame, const Eigen::Matrix3d& gradient) {
+  return lame.mu * (gradient + gradient.transpose()) + lame.lambda * gradient.trace() * Eigen::Matrix3d::Identity();
+}
+
+double stabilisation_factor(const Lame& lame, Stabilisation kind) {
+  return kind == Stabilisation::two_mu ? 2 * lame.mu : 2 * lame.mu + lame.lambda;
+}
+
+void local_stiffness(int dim, const spaces::VemCell& cell, const Lame& lame, double gamma, std::span<double> matrix) {
+  if (dim == 2)
+    stiffness<2>(cell, lame, gamma, matrix);
+  else
+    stiffness<3>(cell, lame, gamma, matrix);
+}
+
+}  // namespace polyslip::physics

@@ -1,0 +1,84 @@
+#include "polyslip/spaces/vem_cell.hpp"
+
+#include <algorithm>
+#include <cmath>
+
+#include "polyslip/geometry/faces.hpp"
+
+namespace polyslip::spaces {
+
+void face_points(const mesh::PolyMesh& mesh, Index face, std::vector<Vec3>& points) {
+  points.clear();
+  for (Index s : mesh.face_nodes[face]) points.push_back(mesh.nodes[s]);
+}
+
+void VemCell::add_face(Index face) {
+  const auto face_nodes = mesh_.face_nodes[face];
+  const auto cell_nodes = mesh_.cell_nodes[cell_];
+  face_points(mesh_, face, points_);
+  g_.resize(points_.size());
+  geometry::vector_weights(mesh_.dim, points_, g_);
+  const double sign = mesh_.orientation(cell_, face);
+  const bool bubble = mesh_.on_fracture(face) && mesh_.face_cells[face][0] == cell_;
+  Vec3 area_vector = Vec3::Zero();
+  for (std::size_t i = 0; i < points_.size(); ++i) {
+    const auto s = std::find(cell_nodes.begin(), cell_nodes.end(), face_nodes[i]) - cell_nodes.begin();
+    c_[static_cast<std::size_t>(s)] += sign * g_[i];
+    area_vector += sign * g_[i];
+    volume_ += sign * g_[i].dot(points_[i] - xbar_);
+  }
+  if (bubble) {
+    bubble_faces_.push_back(face);
+    bubble_c_.push_back(area_vector);
+  }
+}
+
+void VemCell::build(Index cell) {
+  cell_ = cell;
+  const auto nodes = mesh_.cell_nodes[cell];
+  n_nodes_ = static_cast<int>(nodes.size());
+  xbar_.setZero();
+  for (Index s : nodes) xbar_ += mesh_.nodes[s];
+  xbar_ /= n_nodes_;
+  offsets_.clear();
+  for (Index s : nodes) offsets_.push_back(mesh_.nodes[s] - xbar_);
+
+  double longest = 0;
+  for (int i = 0; i < n_nodes_; ++i)
+    for (int j = 0; j < i; ++j) longest = std::max(longest, (offsets_[i] - offsets_[j]).squaredNorm());
+  diameter_ = std::sqrt(longest);
+
+  c_.assign(nodes.size(), Vec3::Zero());
+  bubble_c_.clear();
+  bubble_faces_.clear();
+  volume_ = 0;
+  for (Index face : mesh_.cell_faces[cell]) add_face(face);
+  volume_ /= mesh_.dim;
+  c_.insert(c_.end(), bubble_c_.begin(), bubble_c_.end());
+  for (Vec3& c : c_) c /= volume_;
+}
+
+Eigen::Matrix3d VemCell::gradient(std::span<const double> v) const {
+  Eigen::Matrix3d grad = Eigen::Matrix3d::Zero();
+  const int dim = mesh_.dim;
+  for (int j = 0; j < size(); ++j)
+    for (int i = 0; i < dim; ++i) grad.row(i) += v[static_cast<std::size_t>(dim * j + i)] * c_[static_cast<std::size_t>(j)].transpose();
+  return grad;
+}
+
+Vec3 VemCell::value(const Eigen::Matrix3d& gradient_of_v, std::span<const double> v, const Vec3& x) const {
+  const int dim = mesh_.dim;
+  Vec3 mean = Vec3::Zero();
+  for (int s = 0; s < n_nodes_; ++s)
+    for (int i = 0; i < dim; ++i) mean[i] += v[static_cast<std::size_t>(dim * s + i)];
+  return mean / n_nodes_ + gradient_of_v * (x - xbar_);
+}
+
+void VemCell::append_rule(std::vector<geometry::QuadraturePoint>& rule) const {
+  for (Index face : mesh_.cell_faces[cell_]) {
+    face_points(mesh_, face, points_);
+    geometry::append_cone_rule(mesh_.dim, xbar_, points_, mesh_.orientation(cell_, face), rule);
+  }
+}
+
+}  // namespace polyslip::spaces
