@@ -1,9 +1,9 @@
 // Functions of position and time as a scene writes them ("x < 0 ? z^4 : 2*z^4"), evaluated by muParser.
 #pragma once
 
-#include <map>
 #include <memory>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "polyslip/common/types.hpp"
@@ -18,12 +18,14 @@ struct EvalPoint {
   double fracture_length = 0;    ///< Length (2D) or square root of the area (3D) of the fracture [m]: name fracture_length
 };
 
-/// Named numbers and expressions that other expressions may use, in order: each may use those before it.
+/// Named numbers and expressions that other expressions may use, in order: each may use those before it. Names are distinct
+/// identifiers, none of expression_names().
 struct Definitions {
   std::vector<std::pair<std::string, std::string>> items;  ///< name, expression text
 };
 
-/// A scalar function. Copies share the compiled form. Evaluating costs about 60 ns (constants: nothing).
+/// A scalar function. Copies share the compiled form, which holds the values of its variables: not for two threads at once.
+/// Evaluating costs some tens of ns, definitions used (directly or through others) included, each once; constants cost nothing.
 class Expression {
  public:
   Expression() : Expression(0.0) {}
@@ -44,5 +46,8 @@ class Expression {
   struct Compiled;
   std::shared_ptr<Compiled> compiled_;
 };
+
+/// Names that an expression understands by itself: variables, constants and functions. No definition may take one of them.
+const std::vector<std::string>& expression_names();
 
 }  // namespace polyslip

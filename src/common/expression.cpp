@@ -1,0 +1,261 @@
+#include "polyslip/common/expression.hpp"
+
+#include <fmt/format.h>
+#include <muParser.h>
+
+#include <algorithm>
+#include <array>
+#include <cctype>
+#include <cmath>
+#include <numbers>
+#include <optional>
+#include <regex>
+
+#include "polyslip/common/error.hpp"
+#include "polyslip/common/suggest.hpp"
+
+namespace polyslip {
+
+namespace {
+
+constexpr std::array<const char*, 6> variable_names{"x", "y", "z", "t", "tip_distance", "fracture_length"};
+constexpr std::size_t time_variable = 3;
+
+/// muParser with our constants. Its functions, operators and the ternary are taken as they are.
+mu::Parser make_parser() {
+  mu::Parser parser;
+  parser.DefineConst("pi", std::numbers::pi);
+  return parser;
+}
+
+/// A name as it stands in a text.
+struct Word {
+  std::string name;
+  std::size_t position = 0;  ///< From 0.
+  bool called = false;       ///< Followed by "(".
+};
+
+bool starts_name(char c) { return std::isalpha(static_cast<unsigned char>(c)) != 0 || c == '_'; }
+bool continues_name(char c) { return starts_name(c) || std::isdigit(static_cast<unsigned char>(c)) != 0; }
+
+/// End of the number that starts at `i`; `i` itself if none does.
+std::size_t skip_number(const std::string& text, std::size_t i) {
+  static const std::regex number(R"((\d+\.?\d*|\.\d+)([eE][+-]?\d+)?)");
+  std::smatch match;
+  const auto from = text.begin() + static_cast<std::ptrdiff_t>(i);
+  const bool found = std::regex_search(from, text.end(), match, number, std::regex_constants::match_continuous);
+  return found ? i + static_cast<std::size_t>(match.length()) : i;
+}
+
+std::vector<Word> words_of(const std::string& text) {
+  std::vector<Word> words;
+  for (std::size_t i = 0; i < text.size();) {
+    if (starts_name(text[i])) {
+      std::size_t end = i;
+      while (end < text.size() && continues_name(text[end])) ++end;
+      const std::size_t next = text.find_first_not_of(" \t\r\n", end);
+      words.push_back({text.substr(i, end - i), i, next != std::string::npos && text[next] == '('});
+      i = end;
+    } else {
+      i = std::max(skip_number(text, i), i + 1);
+    }
+  }
+  return words;
+}
+
+std::string shown(const std::string& text) { return text.size() <= 200 ? text : text.substr(0, 200) + "..."; }
+
+[[noreturn]] void refuse(const std::string& where, const std::string& text, const std::string& what, std::size_t position,
+                         const std::string& remedy = "") {
+  throw InputError(fmt::format("{} at column {} of the expression \"{}\"", what, position + 1, shown(text)), where, remedy);
+}
+
+/// What muParser takes without a word: it assigns by "=", which would change a variable behind our back, and it stops at a null character.
+void refuse_traps(const std::string& text, const std::string& where) {
+  if (text.find_first_not_of(" \t\r\n") == std::string::npos)
+    throw InputError("the expression is empty", where, "Write a number or a formula of x, y, z and t");
+  if (const std::size_t i = text.find('\0'); i != std::string::npos) refuse(where, text, "a null character", i);
+  for (std::size_t i = text.find('='); i != std::string::npos; i = text.find('=', i + 1)) {
+    const bool after_operator = i > 0 && (text[i - 1] == '<' || text[i - 1] == '>' || text[i - 1] == '!');
+    const bool doubled = i + 1 < text.size() && text[i + 1] == '=';
+    if (!after_operator && !doubled) refuse(where, text, "assignment", i, "Compare with \"==\"");
+    if (doubled) ++i;
+  }
+}
+
+/// muParser's message, without its position (counted from 0) and final point.
+std::string spoken(const mu::ParserError& error) {
+  static const std::regex position(R"(\s*(found )?(at|\(position:) ?(expression )?(position)? ?\d+\)?\.?$)");
+  std::string message = std::regex_replace(error.GetMsg(), position, "");
+  while (!message.empty() && (message.back() == '.' || message.back() == '!')) message.pop_back();
+  if (!message.empty()) message[0] = static_cast<char>(std::tolower(static_cast<unsigned char>(message[0])));
+  return message;
+}
+
+/// Position (from 0) at which muParser met the error: it points behind a token that it has read.
+std::size_t error_position(const mu::ParserError& error, const std::string& text) {
+  if (error.GetPos() < 0 || text.empty()) return 0;
+  const auto end = std::min(static_cast<std::size_t>(error.GetPos()), text.size());
+  const std::string& token = error.GetToken();
+  const bool behind = !token.empty() && end >= token.size() && text.compare(end - token.size(), token.size(), token) == 0;
+  return behind ? end - token.size() : end;
+}
+
+}  // namespace
+
+const std::vector<std::string>& expression_names() {
+  static const std::vector<std::string> names = [] {
+    std::vector<std::string> result(variable_names.begin(), variable_names.end());
+    const mu::Parser parser = make_parser();
+    for (const auto& [name, value] : parser.GetConst()) result.push_back(name);
+    for (const auto& [name, function] : parser.GetFunDef()) result.push_back(name);
+    return result;
+  }();
+  return names;
+}
+
+/// The formula and, in order, the definitions that it needs, each bound to a slot of `slots`.
+struct Expression::Compiled {
+  std::string text, where;
+  std::optional<double> constant;
+  bool time = false;
+  std::array<double, variable_names.size()> variables{};  ///< In the order of variable_names.
+  std::vector<double> slots;                              ///< Values of the definitions, by their number.
+  struct Step {
+    mu::Parser parser;
+    double* target;
+  };
+  std::vector<Step> steps;  ///< Definitions that vary, each after those it uses.
+  mu::Parser formula;
+
+  double evaluate() {
+    for (Step& step : steps) *step.target = step.parser.Eval();
+    return formula.Eval();
+  }
+};
+
+namespace {
+
+/// Compiles a text and, once each, the definitions that it uses; those that turn out constant become constants.
+template <class Compiled>
+class Compiler {
+ public:
+  Compiler(Compiled& out, const Definitions& definitions)
+      : out_(out), items_(definitions.items), used_(definitions.items.size()) {
+    out_.slots.resize(items_.size());
+  }
+
+  /// A formula ready to evaluate and whether it varies with position or time.
+  struct Result {
+    mu::Parser parser;
+    bool varies;
+  };
+
+  /// `visible` definitions, the first ones, may be used.
+  Result compile(const std::string& text, std::size_t visible, const std::string& where) {
+    refuse_traps(text, where);
+    Result result{make_parser(), false};
+    for (const Word& word : words_of(text)) bind(word, text, visible, where, result);
+    try {
+      result.parser.SetExpr(text);
+      result.parser.Eval();  // The first evaluation is the one that compiles.
+      if (result.parser.GetNumResults() != 1) refuse(where, text, "a second value", text.find(','), "Give one value");
+    } catch (const mu::ParserError& error) {
+      refuse(where, text, spoken(error), error_position(error, text));
+    }
+    return result;
+  }
+
+ private:
+  void bind(const Word& word, const std::string& text, std::size_t visible, const std::string& where, Result& result) {
+    const auto variable = std::ranges::find(variable_names, word.name);
+    if (variable != variable_names.end()) {
+      const auto i = static_cast<std::size_t>(variable - variable_names.begin());
+      result.parser.DefineVar(word.name, &out_.variables[i]);
+      result.varies = true;
+      out_.time = out_.time || i == time_variable;
+      return;
+    }
+    if (word.called ? result.parser.GetFunDef().contains(word.name) : result.parser.GetConst().contains(word.name)) return;
+    const auto item = std::ranges::find(items_, word.name, [](const auto& named) { return named.first; });
+    const auto i = static_cast<std::size_t>(item - items_.begin());
+    if (i >= visible) refuse_unknown(word, i, text, visible, where, result.parser);
+    if (!used_[i]) use(i, where);
+    if (*used_[i] == Use::constant) {
+      result.parser.DefineConst(word.name, out_.slots[i]);
+    } else {
+      result.parser.DefineVar(word.name, &out_.slots[i]);
+      result.varies = true;
+    }
+  }
+
+  void use(std::size_t i, const std::string& where) {
+    Result definition = compile(items_[i].second, i, where);
+    used_[i] = definition.varies ? Use::step : Use::constant;
+    if (definition.varies)
+      out_.steps.push_back({std::move(definition.parser), &out_.slots[i]});
+    else
+      out_.slots[i] = definition.parser.Eval();
+  }
+
+  [[noreturn]] void refuse_unknown(const Word& word, std::size_t item, const std::string& text, std::size_t visible,
+                                   const std::string& where, const mu::Parser& parser) {
+    if (item < items_.size())
+      refuse(where, text, fmt::format("\"{}\" used before it is defined", word.name), word.position,
+             "Order the definitions so that each uses only those before it");
+    std::vector<std::string> known;
+    if (word.called) {
+      for (const auto& [name, function] : parser.GetFunDef()) known.push_back(name);
+    } else {
+      known.assign(variable_names.begin(), variable_names.end());
+      known.emplace_back("pi");
+      for (std::size_t i = 0; i < visible; ++i) known.push_back(items_[i].first);
+    }
+    refuse(where, text, fmt::format("unknown {} \"{}\"", word.called ? "function" : "name", shown(word.name)), word.position,
+           did_you_mean(word.name, known));
+  }
+
+  enum class Use { constant, step };
+  Compiled& out_;
+  const std::vector<std::pair<std::string, std::string>>& items_;
+  std::vector<std::optional<Use>> used_;
+};
+
+}  // namespace
+
+Expression::Expression(double constant) : compiled_(std::make_shared<Compiled>()) {
+  compiled_->text = fmt::format("{}", constant);
+  compiled_->constant = constant;
+}
+
+Expression::Expression(const std::string& text, const Definitions& definitions, const std::string& where)
+    : compiled_(std::make_shared<Compiled>()) {
+  compiled_->text = text;
+  compiled_->where = where;
+  auto result = Compiler(*compiled_, definitions).compile(text, definitions.items.size(), where);
+  compiled_->formula = std::move(result.parser);
+  if (result.varies) return;
+  const double value = compiled_->formula.Eval();
+  if (!std::isfinite(value))
+    throw InputError(fmt::format("the expression \"{}\" gives {}", shown(text), value), where, "Give a finite number");
+  compiled_->constant = value;
+}
+
+double Expression::operator()(const EvalPoint& at) const {
+  Compiled& c = *compiled_;
+  if (c.constant) return *c.constant;
+  c.variables = {at.x[0], at.x[1], at.x[2], at.t, at.tip_distance, at.fracture_length};
+  const double value = c.evaluate();
+  if (!std::isfinite(value))
+    throw InputError(fmt::format("the expression \"{}\" gives {} at x = {}, y = {}, z = {}, t = {}", shown(c.text), value, at.x[0],
+                                 at.x[1], at.x[2], at.t),
+                     c.where, "Change it so that it is finite wherever it is used");
+  return value;
+}
+
+bool Expression::is_constant() const { return compiled_->constant.has_value(); }
+bool Expression::depends_on_time() const { return compiled_->time; }
+bool Expression::is_zero() const { return compiled_->constant == 0.0; }
+const std::string& Expression::text() const { return compiled_->text; }
+
+}  // namespace polyslip
