@@ -25,13 +25,14 @@ struct Numbering {
 /// fracture blocks included. Ranks may own no cell.
 struct DistributedMesh {
   MPI_Comm comm = MPI_COMM_SELF;
-  PolyMesh mesh;  ///< Owned cells first. Faces of ghosts whose neighbour is not here keep face_cells[f][1] = -1 and are not
-                  ///< boundary: see face_is_boundary.
+  PolyMesh mesh;  ///< Owned cells first. Faces of ghosts whose neighbour is not here have face_cells[f][1] = -1 and are not boundary
+                  ///< (see face_is_boundary); if the serial mesh had the missing cell first, the face is turned. Fracture faces are
+                  ///< never turned: one of an outer ghost whose + side is not here has face_cells[f][0] = -1, and is not listed below.
   std::vector<char> face_is_boundary;  ///< 1 on faces on the boundary of the whole domain, one a local face.
 
   Numbering cells;
   Numbering copies;                 ///< A copy belongs to the lowest rank that owns a cell which sees it.
-  Numbering fractures;              ///< Fracture faces; a face belongs to the rank that owns its + cell.
+  Numbering fractures;              ///< Fracture faces with both sides here; a face belongs to the rank that owns its + cell.
   std::vector<Index> fracture_faces;  ///< Local face of each local fracture face, in the order of `fractures`.
 
   std::vector<GlobalIndex> cell_input;           ///< Number of each local cell in the serial mesh: independent of the rank count.

@@ -22,7 +22,7 @@ class Halo {
 
  private:
   la::Handle<PetscSF> sf_;
-  Index owned_ = 0;
+  Index owned_ = 0, local_ = 0;
 };
 
 }  // namespace polyslip::mesh

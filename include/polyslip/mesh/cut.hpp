@@ -1,0 +1,82 @@
+// Cutting the part of one rank, ghosts and global numbers included, out of a serial mesh.
+#pragma once
+
+#include <span>
+#include <vector>
+
+#include "polyslip/mesh/distributed_mesh.hpp"
+
+namespace polyslip::mesh {
+
+/// Which rank owns which entity of the serial mesh, and the global numbers that follow: contiguous by rank, within a rank in serial order.
+struct Ownership {
+  std::vector<GlobalIndex> first;   ///< First global number of each rank, and the total behind the last.
+  std::vector<GlobalIndex> number;  ///< Global number of each serial entity, -1 where nobody owns it.
+  std::vector<Index> order;         ///< Serial entity of each global number.
+
+  /// owner[i] is the rank of entity i, or -1 for none.
+  Ownership(const std::vector<Index>& owner, Index ranks);
+
+  /// Serial entities of a rank, ascending.
+  [[nodiscard]] std::span<const Index> of(Index rank) const {
+    return {order.data() + first[rank], static_cast<std::size_t>(first[rank + 1] - first[rank])};
+  }
+  [[nodiscard]] GlobalIndex total() const { return first.back(); }
+};
+
+/// Serial entities present in the part being cut, with their local numbers: one marker for each serial entity, so that membership costs one
+/// look-up and clearing costs only what was added.
+class LocalSet {
+ public:
+  explicit LocalSet(Index serial_size) : local_(serial_size, -1) {}
+
+  /// Local number of a serial entity, added behind the others if it is new.
+  Index add(Index serial) {
+    if (local_[serial] < 0) {
+      local_[serial] = size();
+      members_.push_back(serial);
+    }
+    return local_[serial];
+  }
+  /// Local number or -1.
+  [[nodiscard]] Index operator[](Index serial) const { return local_[serial]; }
+  [[nodiscard]] Index size() const { return static_cast<Index>(members_.size()); }
+  [[nodiscard]] const std::vector<Index>& members() const { return members_; }
+  /// Renumbers the members from local number `begin` on by ascending key.
+  void sort_from(Index begin, const std::vector<GlobalIndex>& key);
+  void clear();
+
+ private:
+  std::vector<Index> local_, members_;
+};
+
+/// Cuts part after part out of one mesh (which must have its copies built). Linear in the size of the parts.
+class PartCutter {
+ public:
+  /// part[c] is the rank of cell c. Borrows the mesh.
+  PartCutter(const PolyMesh& whole, const std::vector<Index>& part, Index ranks);
+
+  /// The part of a rank, ghosts included; its comm is left to the caller.
+  DistributedMesh cut(Index rank);
+
+ private:
+  void collect_cells(Index rank);
+  void collect_fractures(Index rank);
+  void collect_copies(Index rank);
+  void collect_faces_and_nodes();
+  void fill_faces(DistributedMesh& part) const;
+  void fill_cells(DistributedMesh& part) const;
+  void fill_data(DistributedMesh& part) const;
+
+  const PolyMesh& whole_;
+  Csr node_cells_;
+  Ownership cell_owners_, copy_owners_, fracture_owners_;  // Fractures: entities are faces.
+  LocalSet cells_, copies_, fractures_, faces_, nodes_;
+};
+
+/// Owner of each copy: the lowest rank that owns a cell which sees it.
+std::vector<Index> copy_owner(const PolyMesh& mesh, const std::vector<Index>& part);
+/// Owner of each fracture face, that of its + cell; -1 off Gamma.
+std::vector<Index> fracture_owner(const PolyMesh& mesh, const std::vector<Index>& part);
+
+}  // namespace polyslip::mesh

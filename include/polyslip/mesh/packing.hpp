@@ -1,0 +1,129 @@
+// A mesh part as one run of bytes, for sending. Packer and Unpacker visit the same list of fields in the same order.
+#pragma once
+
+#include <cstddef>
+#include <cstring>
+#include <string>
+#include <type_traits>
+#include <vector>
+
+#include "polyslip/mesh/distributed_mesh.hpp"
+
+namespace polyslip::mesh {
+
+/// Types sent as their bytes; Vec3 is three doubles but not trivially copyable by the letter.
+template <class T>
+constexpr bool sent_as_bytes = std::is_trivially_copyable_v<T> || std::is_same_v<T, Vec3>;
+
+class Packer {
+ public:
+  template <class T>
+  void operator()(const T& value) {
+    static_assert(sent_as_bytes<T>);
+    append(&value, sizeof(T));
+  }
+  template <class T>
+  void operator()(const std::vector<T>& values) {
+    static_assert(sent_as_bytes<T>);
+    (*this)(values.size());
+    append(values.data(), values.size() * sizeof(T));
+  }
+  void operator()(const std::string& text) { (*this)(std::vector<char>(text.begin(), text.end())); }
+  void operator()(const std::vector<std::string>& texts) {
+    (*this)(texts.size());
+    for (const auto& text : texts) (*this)(text);
+  }
+  [[nodiscard]] const std::vector<std::byte>& bytes() const { return bytes_; }
+
+ private:
+  void append(const void* data, std::size_t size) {
+    const auto* begin = static_cast<const std::byte*>(data);
+    if (size > 0) bytes_.insert(bytes_.end(), begin, begin + size);
+  }
+  std::vector<std::byte> bytes_;
+};
+
+class Unpacker {
+ public:
+  explicit Unpacker(std::vector<std::byte> bytes) : bytes_(std::move(bytes)) {}
+
+  template <class T>
+  void operator()(T& value) {
+    static_assert(sent_as_bytes<T>);
+    take(&value, sizeof(T));
+  }
+  template <class T>
+  void operator()(std::vector<T>& values) {
+    static_assert(sent_as_bytes<T>);
+    values.resize(take_size());
+    take(values.data(), values.size() * sizeof(T));
+  }
+  void operator()(std::string& text) {
+    text.resize(take_size());
+    take(text.data(), text.size());
+  }
+  void operator()(std::vector<std::string>& texts) {
+    texts.resize(take_size());
+    for (auto& text : texts) (*this)(text);
+  }
+
+ private:
+  std::size_t take_size() {
+    std::size_t size = 0;
+    take(&size, sizeof(size));
+    return size;
+  }
+  void take(void* to, std::size_t size) {
+    if (size > 0) std::memcpy(to, bytes_.data() + read_, size);
+    read_ += size;
+  }
+  std::vector<std::byte> bytes_;
+  std::size_t read_ = 0;
+};
+
+template <class Archive, class Rows>
+void visit_rows(Archive& archive, Rows& rows) {
+  archive(rows.offsets);
+  archive(rows.values);
+}
+
+template <class Archive, class Numbers>
+void visit_numbering(Archive& archive, Numbers& numbers) {
+  archive(numbers.owned);
+  archive(numbers.first);
+  archive(numbers.total);
+  archive(numbers.ghosts);
+}
+
+/// Every field of a part but its communicator. Part is DistributedMesh, const for a Packer.
+template <class Archive, class Part>
+void visit_fields(Archive& archive, Part& part) {
+  auto& mesh = part.mesh;
+  archive(mesh.dim);
+  archive(mesh.nodes);
+  visit_rows(archive, mesh.face_nodes);
+  archive(mesh.face_cells);
+  visit_rows(archive, mesh.cell_faces);
+  archive(mesh.cell_region);
+  archive(mesh.region_names);
+  archive(mesh.face_tag);
+  archive(mesh.tag_names);
+  archive(mesh.face_fracture);
+  archive(mesh.fracture_names);
+  archive(mesh.fracture_length);
+  archive(mesh.face_tip_distance);
+  visit_rows(archive, mesh.cell_nodes);
+  archive(mesh.cell_copies);
+  archive(mesh.copy_node);
+  archive(part.face_is_boundary);
+  visit_numbering(archive, part.cells);
+  visit_numbering(archive, part.copies);
+  visit_numbering(archive, part.fractures);
+  archive(part.fracture_faces);
+  archive(part.cell_input);
+  archive(part.fracture_face_input);
+  archive(part.total_faces);
+  archive(part.total_nodes);
+}
+
+}  // namespace polyslip::mesh

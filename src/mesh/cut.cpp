@@ -1,0 +1,236 @@
+#include "polyslip/mesh/cut.hpp"
+
+#include <algorithm>
+#include <limits>
+
+namespace polyslip::mesh {
+
+namespace {
+
+/// Rows of `rows` seen from their values: for each value the rows that hold it, ascending.
+Csr transpose(const Csr& rows, Index n_values) {
+  Csr result;
+  result.offsets.assign(static_cast<std::size_t>(n_values) + 1, 0);
+  for (const Index value : rows.values) ++result.offsets[value + 1];
+  for (Index value = 0; value < n_values; ++value) result.offsets[value + 1] += result.offsets[value];
+  result.values.resize(rows.values.size());
+  std::vector<Index> next(result.offsets.begin(), result.offsets.end() - 1);
+  for (Index row = 0; row < rows.rows(); ++row) {
+    for (const Index value : rows[row]) result.values[next[value]++] = row;
+  }
+  return result;
+}
+
+/// values[m] for each member; an empty array (nothing known) stays empty.
+template <class T>
+std::vector<T> gather(const std::vector<T>& values, const std::vector<Index>& members) {
+  std::vector<T> result;
+  if (values.empty()) return result;
+  result.reserve(members.size());
+  for (const Index member : members) result.push_back(values[member]);
+  return result;
+}
+
+/// Rows of the members with their values in local numbers.
+Csr gather(const Csr& rows, const std::vector<Index>& members, const LocalSet& values) {
+  Csr result;
+  result.offsets.reserve(members.size() + 1);
+  for (const Index member : members) {
+    for (const Index value : rows[member]) result.values.push_back(values[value]);
+    result.offsets.push_back(static_cast<Index>(result.values.size()));
+  }
+  return result;
+}
+
+/// Adds the owned entities of a rank; ghosts are added after it.
+void add_owned(LocalSet& set, const Ownership& owners, Index rank) {
+  for (const Index entity : owners.of(rank)) set.add(entity);
+}
+
+Numbering numbering(const LocalSet& set, const Ownership& owners, Index rank) {
+  Numbering result;
+  result.owned = static_cast<Index>(owners.of(rank).size());
+  result.first = owners.first[rank];
+  result.total = owners.total();
+  result.ghosts.reserve(set.members().size() - result.owned);
+  for (Index i = result.owned; i < set.size(); ++i) result.ghosts.push_back(owners.number[set.members()[i]]);
+  return result;
+}
+
+}  // namespace
+
+Ownership::Ownership(const std::vector<Index>& owner, Index ranks)
+    : first(static_cast<std::size_t>(ranks) + 1, 0), number(owner.size(), -1) {
+  for (const Index rank : owner) {
+    if (rank >= 0) ++first[rank + 1];
+  }
+  for (Index rank = 0; rank < ranks; ++rank) first[rank + 1] += first[rank];
+  order.resize(first.back());
+  std::vector<GlobalIndex> next(first.begin(), first.end() - 1);
+  for (std::size_t i = 0; i < owner.size(); ++i) {
+    if (owner[i] < 0) continue;
+    number[i] = next[owner[i]]++;
+    order[number[i]] = static_cast<Index>(i);
+  }
+}
+
+void LocalSet::sort_from(Index begin, const std::vector<GlobalIndex>& key) {
+  std::sort(members_.begin() + begin, members_.end(), [&](Index a, Index b) { return key[a] < key[b]; });
+  for (Index i = begin; i < size(); ++i) local_[members_[i]] = i;
+}
+
+void LocalSet::clear() {
+  for (const Index member : members_) local_[member] = -1;
+  members_.clear();
+}
+
+std::vector<Index> copy_owner(const PolyMesh& mesh, const std::vector<Index>& part) {
+  std::vector<Index> owner(mesh.n_copies(), std::numeric_limits<Index>::max());
+  for (Index cell = 0; cell < mesh.n_cells(); ++cell) {
+    for (const Index copy : mesh.copies_of(cell)) owner[copy] = std::min(owner[copy], part[cell]);
+  }
+  return owner;
+}
+
+std::vector<Index> fracture_owner(const PolyMesh& mesh, const std::vector<Index>& part) {
+  std::vector<Index> owner(mesh.n_faces(), -1);
+  for (Index face = 0; face < mesh.n_faces(); ++face) {
+    if (mesh.on_fracture(face) && !mesh.on_boundary(face)) owner[face] = part[mesh.face_cells[face][0]];
+  }
+  return owner;
+}
+
+PartCutter::PartCutter(const PolyMesh& whole, const std::vector<Index>& part, Index ranks)
+    : whole_(whole),
+      node_cells_(transpose(whole.cell_nodes, whole.n_nodes())),
+      cell_owners_(part, ranks),
+      copy_owners_(copy_owner(whole, part), ranks),
+      fracture_owners_(fracture_owner(whole, part), ranks),
+      cells_(whole.n_cells()),
+      copies_(whole.n_copies()),
+      fractures_(whole.n_faces()),
+      faces_(whole.n_faces()),
+      nodes_(whole.n_nodes()) {}
+
+DistributedMesh PartCutter::cut(Index rank) {
+  collect_cells(rank);
+  collect_fractures(rank);
+  collect_copies(rank);
+  collect_faces_and_nodes();
+
+  DistributedMesh part;
+  part.cells = numbering(cells_, cell_owners_, rank);
+  part.copies = numbering(copies_, copy_owners_, rank);
+  part.fractures = numbering(fractures_, fracture_owners_, rank);
+  part.cell_input = cells_.members();
+  part.fracture_face_input = fractures_.members();
+  for (const Index face : fractures_.members()) part.fracture_faces.push_back(faces_[face]);
+  part.total_faces = whole_.n_faces();
+  part.total_nodes = whole_.n_nodes();
+  fill_faces(part);
+  fill_cells(part);
+  fill_data(part);
+
+  for (LocalSet* set : {&cells_, &copies_, &fractures_, &faces_, &nodes_}) set->clear();
+  return part;
+}
+
+/// Owned cells, the cells that share a node with them, and the cells across the fracture faces of all these.
+void PartCutter::collect_cells(Index rank) {
+  add_owned(cells_, cell_owners_, rank);
+  const Index owned = cells_.size();
+  for (Index i = 0; i < owned; ++i) {
+    for (const Index node : whole_.cell_nodes[cells_.members()[i]]) {
+      if (nodes_[node] >= 0) continue;
+      nodes_.add(node);
+      for (const Index cell : node_cells_[node]) cells_.add(cell);
+    }
+  }
+  const Index around = cells_.size();
+  for (Index i = 0; i < around; ++i) {
+    for (const Index face : whole_.cell_faces[cells_.members()[i]]) {
+      if (fracture_owners_.number[face] < 0) continue;
+      for (const Index cell : whole_.face_cells[face]) cells_.add(cell);
+    }
+  }
+  cells_.sort_from(owned, cell_owners_.number);
+}
+
+void PartCutter::collect_fractures(Index rank) {
+  add_owned(fractures_, fracture_owners_, rank);
+  const Index owned = fractures_.size();
+  for (const Index cell : cells_.members()) {
+    for (const Index face : whole_.cell_faces[cell]) {
+      if (fracture_owners_.number[face] < 0) continue;
+      const auto& sides = whole_.face_cells[face];
+      if (cells_[sides[0]] >= 0 && cells_[sides[1]] >= 0) fractures_.add(face);
+    }
+  }
+  fractures_.sort_from(owned, fracture_owners_.number);
+}
+
+void PartCutter::collect_copies(Index rank) {
+  add_owned(copies_, copy_owners_, rank);
+  const Index owned = copies_.size();
+  for (const Index cell : cells_.members()) {
+    for (const Index copy : whole_.copies_of(cell)) copies_.add(copy);
+  }
+  copies_.sort_from(owned, copy_owners_.number);
+}
+
+void PartCutter::collect_faces_and_nodes() {
+  for (const Index cell : cells_.members()) {
+    for (const Index face : whole_.cell_faces[cell]) faces_.add(face);
+    for (const Index node : whole_.cell_nodes[cell]) nodes_.add(node);
+  }
+}
+
+/// A face whose first cell is not here is turned, so that the one that is here comes first; fracture faces keep their + side first, here
+/// or not (-1).
+void PartCutter::fill_faces(DistributedMesh& part) const {
+  PolyMesh& mesh = part.mesh;
+  mesh.face_nodes = gather(whole_.face_nodes, faces_.members(), nodes_);
+  mesh.face_cells.reserve(faces_.members().size());
+  part.face_is_boundary.reserve(faces_.members().size());
+  for (Index face = 0; face < faces_.size(); ++face) {
+    const Index serial = faces_.members()[face];
+    const auto& sides = whole_.face_cells[serial];
+    const bool boundary = sides[1] < 0;
+    std::array<Index, 2> local{cells_[sides[0]], boundary ? -1 : cells_[sides[1]]};
+    if (local[0] < 0 && !whole_.on_fracture(serial)) {
+      std::swap(local[0], local[1]);
+      const auto nodes = mesh.face_nodes[face];
+      std::reverse(nodes.begin() + (nodes.size() > 2 ? 1 : 0), nodes.end());  // 3D: the first node stays first
+    }
+    mesh.face_cells.push_back(local);
+    part.face_is_boundary.push_back(boundary ? 1 : 0);
+  }
+}
+
+void PartCutter::fill_cells(DistributedMesh& part) const {
+  PolyMesh& mesh = part.mesh;
+  mesh.cell_faces = gather(whole_.cell_faces, cells_.members(), faces_);
+  mesh.cell_nodes = gather(whole_.cell_nodes, cells_.members(), nodes_);
+  mesh.cell_copies.reserve(mesh.cell_nodes.values.size());
+  for (const Index cell : cells_.members()) {
+    for (const Index copy : whole_.copies_of(cell)) mesh.cell_copies.push_back(copies_[copy]);
+  }
+  mesh.copy_node.reserve(copies_.members().size());
+  for (const Index copy : copies_.members()) mesh.copy_node.push_back(nodes_[whole_.copy_node[copy]]);
+}
+
+void PartCutter::fill_data(DistributedMesh& part) const {
+  PolyMesh& mesh = part.mesh;
+  mesh.dim = whole_.dim;
+  mesh.nodes = gather(whole_.nodes, nodes_.members());
+  mesh.cell_region = gather(whole_.cell_region, cells_.members());
+  mesh.region_names = whole_.region_names;
+  mesh.face_tag = gather(whole_.face_tag, faces_.members());
+  mesh.tag_names = whole_.tag_names;
+  mesh.face_fracture = gather(whole_.face_fracture, faces_.members());
+  mesh.fracture_names = whole_.fracture_names;
+  mesh.fracture_length = whole_.fracture_length;
+  mesh.face_tip_distance = gather(whole_.face_tip_distance, faces_.members());
+}
+
+}  // namespace polyslip::mesh

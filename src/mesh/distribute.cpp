@@ -1,0 +1,130 @@
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <numeric>
+
+#include "polyslip/common/error.hpp"
+#include "polyslip/common/mpi.hpp"
+#include "polyslip/mesh/cut.hpp"
+#include "polyslip/mesh/distributed_mesh.hpp"
+#include "polyslip/mesh/packing.hpp"
+#include "polyslip/mesh/partition.hpp"
+
+namespace polyslip::mesh {
+
+namespace {
+
+constexpr std::size_t largest_message = std::size_t{1} << 30;  // Bytes; an MPI count is a 32-bit int.
+constexpr int tag = 1;
+
+void send(MPI_Comm comm, const std::vector<std::byte>& bytes, int to) {
+  const std::uint64_t size = bytes.size();
+  MPI_Send(&size, 1, MPI_UINT64_T, to, tag, comm);
+  for (std::size_t sent = 0; sent < size; sent += largest_message) {
+    MPI_Send(bytes.data() + sent, static_cast<int>(std::min(largest_message, size - sent)), MPI_BYTE, to, tag, comm);
+  }
+}
+
+std::vector<std::byte> receive(MPI_Comm comm, int from) {
+  std::uint64_t size = 0;
+  MPI_Recv(&size, 1, MPI_UINT64_T, from, tag, comm, MPI_STATUS_IGNORE);
+  std::vector<std::byte> bytes(size);
+  for (std::size_t got = 0; got < size; got += largest_message) {
+    const int count = static_cast<int>(std::min(largest_message, size - got));
+    MPI_Recv(bytes.data() + got, count, MPI_BYTE, from, tag, comm, MPI_STATUS_IGNORE);
+  }
+  return bytes;
+}
+
+Numbering all_owned(Index n) { return {.owned = n, .first = 0, .total = n, .ghosts = {}}; }
+
+/// The whole mesh as the part of the only rank: arrays are moved, not copied.
+DistributedMesh whole_part(PolyMesh&& serial) {
+  DistributedMesh part;
+  part.mesh = std::move(serial);
+  const PolyMesh& mesh = part.mesh;
+  part.cells = all_owned(mesh.n_cells());
+  part.copies = all_owned(mesh.n_copies());
+  part.cell_input.resize(mesh.n_cells());
+  std::iota(part.cell_input.begin(), part.cell_input.end(), 0);
+  part.face_is_boundary.resize(mesh.n_faces());
+  for (Index face = 0; face < mesh.n_faces(); ++face) {
+    part.face_is_boundary[face] = mesh.on_boundary(face) ? 1 : 0;
+    if (mesh.on_fracture(face) && !mesh.on_boundary(face)) part.fracture_faces.push_back(face);
+  }
+  part.fractures = all_owned(static_cast<Index>(part.fracture_faces.size()));
+  part.fracture_face_input = part.fracture_faces;
+  part.total_faces = mesh.n_faces();
+  part.total_nodes = mesh.n_nodes();
+  return part;
+}
+
+/// Rank 0 cuts and sends part by part, so that beside the whole mesh it holds one part at a time, and keeps its own.
+DistributedMesh cut_and_send(MPI_Comm comm, const PolyMesh& serial, const std::vector<Index>& part) {
+  const int ranks = mpi::size(comm);
+  PartCutter cutter(serial, part, ranks);
+  for (int rank = 1; rank < ranks; ++rank) {
+    const DistributedMesh theirs = cutter.cut(rank);
+    Packer packer;
+    visit_fields(packer, theirs);
+    send(comm, packer.bytes(), rank);
+  }
+  return cutter.cut(0);
+}
+
+void check_mesh(const PolyMesh& serial) {
+  if (serial.n_cells() == 0) throw InputError("the mesh has no cells", "mesh partition");
+  if (serial.cell_nodes.rows() != serial.n_cells()) {
+    throw std::logic_error("distribute: the copies of the serial mesh are not built; call build_copies first");
+  }
+}
+
+void check_part(const PolyMesh& serial, const std::vector<Index>& part, int ranks) {
+  if (part.size() != static_cast<std::size_t>(serial.n_cells())) {
+    throw InputError(fmt::format("{} parts are given for {} cells", part.size(), serial.n_cells()), "mesh partition");
+  }
+  const auto bad = std::find_if(part.begin(), part.end(), [&](Index rank) { return rank < 0 || rank >= ranks; });
+  if (bad != part.end()) {
+    throw InputError(fmt::format("cell {} is given to rank {}, but there are {} ranks", bad - part.begin(), *bad, ranks), "mesh partition");
+  }
+}
+
+/// `choose_part` gives the rank of each cell; it runs on rank 0 only and its errors reach all ranks.
+template <class ChoosePart>
+DistributedMesh distribute_by(MPI_Comm comm, PolyMesh&& serial, ChoosePart&& choose_part) {
+  PolyMesh whole = std::move(serial);  // freed on return, on every rank
+  std::vector<Index> part;
+  mpi::on_root(comm, [&] {
+    check_mesh(whole);
+    part = choose_part(whole);
+  });
+  DistributedMesh mine;
+  if (mpi::size(comm) == 1) {
+    mine = whole_part(std::move(whole));
+  } else if (mpi::rank(comm) == 0) {
+    mine = cut_and_send(comm, whole, part);
+  } else {
+    Unpacker unpacker(receive(comm, 0));
+    visit_fields(unpacker, mine);
+  }
+  mine.comm = comm;
+  return mine;
+}
+
+}  // namespace
+
+DistributedMesh distribute(MPI_Comm comm, PolyMesh&& serial, const PartitionOptions& options) {
+  const int ranks = mpi::size(comm);
+  return distribute_by(comm, std::move(serial), [&](const PolyMesh& whole) {
+    return ranks == 1 ? std::vector<Index>() : partition_cells(whole, ranks, options);
+  });
+}
+
+DistributedMesh distribute(MPI_Comm comm, PolyMesh&& serial, const std::vector<Index>& part) {
+  return distribute_by(comm, std::move(serial), [&](const PolyMesh& whole) {
+    check_part(whole, part, mpi::size(comm));
+    return part;
+  });
+}
+
+}  // namespace polyslip::mesh

@@ -1,0 +1,63 @@
+// Exchange between owners and ghosts.
+#include "polyslip/mesh/halo.hpp"
+
+#include <gtest/gtest.h>
+
+#include "polyslip/common/mpi.hpp"
+#include "unit/mesh/grid.hpp"
+
+namespace polyslip::mesh {
+namespace {
+
+const MPI_Comm world = MPI_COMM_WORLD;
+
+DistributedMesh sample() { return distribute(world, grid(2, {8, 6, 0}, crossing())); }
+
+TEST(halo, brings_the_owners_values_block_by_block) {
+  const DistributedMesh part = sample();
+  const Halo halo(world, part.copies);
+  for (const int block : {1, 2, 3}) {
+    std::vector<double> values(static_cast<std::size_t>(part.copies.local()) * block, -1.0);
+    for (Index i = 0; i < part.copies.owned; ++i) {
+      for (int b = 0; b < block; ++b) values[i * block + b] = part.copies.global(i) + 0.1 * b;
+    }
+    halo.owner_to_ghost(std::span<double>(values), block);
+    for (Index i = 0; i < part.copies.local(); ++i) {
+      for (int b = 0; b < block; ++b) EXPECT_EQ(values[i * block + b], part.copies.global(i) + 0.1 * b);
+    }
+  }
+}
+
+TEST(halo, adds_every_ghost_to_its_owner_once_and_leaves_the_ghosts) {
+  const DistributedMesh part = sample();
+  const Halo halo(world, part.copies);
+  // Each rank counts 1 for each copy here: owners then hold the number of ranks that have the copy, which sums to all local copies.
+  std::vector<double> values(static_cast<std::size_t>(part.copies.local()) * 2, 1.0);
+  halo.add_ghost_to_owner(values, 2);
+  double sum = 0;
+  for (Index i = 0; i < part.copies.owned * 2; ++i) sum += values[i];
+  EXPECT_EQ(mpi::sum(world, sum), mpi::sum(world, 2.0 * part.copies.local()));
+  for (std::size_t i = part.copies.owned * 2; i < values.size(); ++i) EXPECT_EQ(values[i], 1.0);
+}
+
+TEST(halo, works_where_ranks_are_empty) {
+  const PolyMesh serial = grid(2, {4, 4, 0});
+  const DistributedMesh part = distribute(world, PolyMesh(serial), std::vector<Index>(16, mpi::size(world) - 1));
+  const Halo halo(world, part.cells);
+  std::vector<Index> values(part.cells.local(), 7);
+  halo.owner_to_ghost(std::span<Index>(values));
+  EXPECT_EQ(values, std::vector<Index>(part.cells.local(), 7));
+}
+
+TEST(halo, can_be_moved) {
+  const DistributedMesh part = sample();
+  Halo first(world, part.cells);
+  const Halo second = std::move(first);
+  std::vector<Index> values = part.cell_input;
+  std::fill(values.begin() + part.cells.owned, values.end(), -1);
+  second.owner_to_ghost(std::span<Index>(values));
+  EXPECT_EQ(values, part.cell_input);
+}
+
+}  // namespace
+}  // namespace polyslip::mesh
