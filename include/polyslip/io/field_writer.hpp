@@ -1,5 +1,9 @@
-// Fields over time for ParaView: matrix.xdmf + matrix.h5 (cells and node copies) and fractures.xdmf + fractures.h5 (fracture
-// faces).
+// Fields over time for ParaView: matrix.xdmf + matrix.h5 (cells and node copies), fractures.xdmf + fractures.h5 (fracture faces).
+//
+// HDF5 layout, the same in both files (rows of all ranks in rank order):
+//   /points         points x 3        matrix: node copies by global number; fractures: the corners of each face in turn, + side
+//   /topology       stream x 1        XDMF "Mixed": cells or fracture faces by global number
+//   /fields/<step>  attribute time    tables <name>, entities x components, step = 0, 1, ...
 #pragma once
 
 #include <filesystem>
@@ -18,19 +22,23 @@ enum class Location { cell, copy, fracture_face };
 struct Field {
   std::string name;
   Location on = Location::cell;
-  int components = 1;  ///< 1, or 3 for vectors (2D fields are padded by the caller with 0).
+  int components = 1;  ///< 1; 3 for vectors (2D fields are padded by the caller with 0); 9 for tensors, row by row; 6 for symmetric
+                       ///< tensors xx yy zz xy yz xz, written as 9 because programs disagree on the order of six.
   std::span<const double> values;
 };
 
-/// Writes the mesh once and a set of fields at each call, in parallel; after each call the files are complete and readable.
-/// The points of the matrix are the node copies, so that displacements show their jumps; ghosts are not written.
+/// Writes the mesh once and a set of fields at each call, in parallel; after each call the files are complete, closed and readable.
+/// The points of the matrix are the node copies, so that displacements show their jumps; ghosts are not written. A mesh without
+/// fracture faces gets no fractures.* files. Collective; throws std::runtime_error when the disk refuses.
 class FieldWriter {
  public:
+  /// Makes the directory and replaces files of an earlier run. The mesh must outlive the writer.
   FieldWriter(const mesh::DistributedMesh& mesh, const std::filesystem::path& directory);
   ~FieldWriter();
   FieldWriter(const FieldWriter&) = delete;
   FieldWriter& operator=(const FieldWriter&) = delete;
 
+  /// The same fields, by name and order, on every rank.
   void write(double time, const std::vector<Field>& fields);
 
  private:

@@ -1,0 +1,245 @@
+#include "polyslip/io/field_writer.hpp"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <array>
+#include <cassert>
+#include <iterator>
+#include <optional>
+
+#include "polyslip/common/mpi.hpp"
+#include "polyslip/io/atomic_file.hpp"
+#include "polyslip/io/hdf5.hpp"
+
+namespace polyslip::io {
+
+namespace {
+
+// Cell types in an XDMF "Mixed" topology; each is followed by a count.
+constexpr GlobalIndex xdmf_polyline = 2, xdmf_polygon = 3, xdmf_polyhedron = 16;
+
+/// What XDMF calls a grid: points and the stream of cells, this rank's rows of both.
+struct Geometry {
+  RowRange cell_rows, point_rows;
+  std::vector<double> points;
+  std::vector<GlobalIndex> topology;
+};
+
+RowRange owned_rows(const mesh::Numbering& numbering) {
+  return {static_cast<hsize_t>(numbering.owned), static_cast<hsize_t>(numbering.first), static_cast<hsize_t>(numbering.total)};
+}
+
+/// Global copy that the cell sees at each of some nodes, appended to `out`.
+template <class Nodes>
+void append_copies(const mesh::DistributedMesh& part, Index cell, const Nodes& nodes, std::vector<GlobalIndex>& out) {
+  const auto of_cell = part.mesh.cell_nodes[cell];
+  const auto copies = part.mesh.copies_of(cell);
+  for (const Index node : nodes) {
+    const auto place = std::find(of_cell.begin(), of_cell.end(), node) - of_cell.begin();
+    out.push_back(part.copies.global(copies[place]));
+  }
+}
+
+/// Nodes of a 2D cell counter-clockwise: its edges, each turned to have the cell on its left, chained end to start.
+std::vector<Index> polygon_nodes(const mesh::PolyMesh& mesh, Index cell) {
+  std::vector<std::array<Index, 2>> edges;
+  for (const Index face : mesh.cell_faces[cell]) {
+    const auto ends = mesh.face_nodes[face];
+    const bool left = mesh.orientation(cell, face) > 0;
+    edges.push_back({ends[left ? 0 : 1], ends[left ? 1 : 0]});
+  }
+  std::vector<Index> nodes{edges.front()[0]};
+  while (nodes.size() < edges.size()) {
+    const auto next = std::find_if(edges.begin(), edges.end(), [&](const auto& edge) { return edge[0] == nodes.back(); });
+    assert(next != edges.end());
+    nodes.push_back((*next)[1]);
+  }
+  return nodes;
+}
+
+void append_polygon(const mesh::DistributedMesh& part, Index cell, std::vector<GlobalIndex>& out) {
+  const std::vector<Index> nodes = polygon_nodes(part.mesh, cell);
+  out.insert(out.end(), {xdmf_polygon, static_cast<GlobalIndex>(nodes.size())});
+  append_copies(part, cell, nodes, out);
+}
+
+/// Faces are turned so that their normals point out of the cell.
+void append_polyhedron(const mesh::DistributedMesh& part, Index cell, std::vector<GlobalIndex>& out) {
+  const auto faces = part.mesh.cell_faces[cell];
+  out.insert(out.end(), {xdmf_polyhedron, static_cast<GlobalIndex>(faces.size())});
+  for (const Index face : faces) {
+    const auto nodes = part.mesh.face_nodes[face];
+    out.push_back(static_cast<GlobalIndex>(nodes.size()));
+    append_copies(part, cell, nodes, out);
+    if (part.mesh.orientation(cell, face) < 0) std::reverse(out.end() - static_cast<std::ptrdiff_t>(nodes.size()), out.end());
+  }
+}
+
+Geometry matrix_geometry(const mesh::DistributedMesh& part) {
+  Geometry geometry{owned_rows(part.cells), owned_rows(part.copies), {}, {}};
+  for (Index copy = 0; copy < part.copies.owned; ++copy) {
+    const Vec3& x = part.mesh.nodes[part.mesh.copy_node[copy]];
+    geometry.points.insert(geometry.points.end(), x.begin(), x.end());
+  }
+  for (Index cell = 0; cell < part.cells.owned; ++cell) {
+    (part.mesh.dim == 2 ? append_polygon : append_polyhedron)(part, cell, geometry.topology);
+  }
+  return geometry;
+}
+
+/// Every face has corners of its own: fields on faces are constants.
+Geometry fracture_geometry(const mesh::DistributedMesh& part) {
+  Geometry geometry{owned_rows(part.fractures), {}, {}, {}};
+  for (Index i = 0; i < part.fractures.owned; ++i) {
+    for (const Index node : part.mesh.face_nodes[part.fracture_faces[i]]) {
+      const Vec3& x = part.mesh.nodes[node];
+      geometry.points.insert(geometry.points.end(), x.begin(), x.end());
+    }
+  }
+  geometry.point_rows = RowRange::in_rank_order(part.comm, geometry.points.size() / 3);
+  auto point = static_cast<GlobalIndex>(geometry.point_rows.first);
+  for (Index i = 0; i < part.fractures.owned; ++i) {
+    const Index corners = part.mesh.face_nodes.row_size(part.fracture_faces[i]);
+    geometry.topology.insert(geometry.topology.end(), {part.mesh.dim == 2 ? xdmf_polyline : xdmf_polygon, corners});
+    for (Index k = 0; k < corners; ++k) geometry.topology.push_back(point++);
+  }
+  return geometry;
+}
+
+const char* attribute_type(int components) {
+  switch (components) {
+    case 1:
+      return "Scalar";
+    case 3:
+      return "Vector";
+    default:
+      return "Tensor";
+  }
+}
+
+/// Symmetric tensors xx yy zz xy yz xz as full ones, row by row.
+std::vector<double> full_tensors(std::span<const double> six, std::size_t count) {
+  std::vector<double> nine;
+  nine.reserve(9 * count);
+  for (std::size_t i = 0; i < count; ++i) {
+    for (const int c : {0, 3, 5, 3, 1, 4, 5, 4, 2}) nine.push_back(six[6 * i + static_cast<std::size_t>(c)]);
+  }
+  return nine;
+}
+
+/// One pair of files, <name>.xdmf and <name>.h5.
+class Series {
+ public:
+  Series(MPI_Comm comm, const std::filesystem::path& directory, const std::string& name, const Geometry& geometry)
+      : comm_(comm), directory_(directory), name_(name), cell_rows_(geometry.cell_rows), point_rows_(geometry.point_rows) {
+    const RowRange stream = RowRange::in_rank_order(comm, geometry.topology.size());
+    stream_length_ = stream.total;
+    H5File file(comm, path(".h5"), H5File::Mode::create);
+    file.write("/points", point_rows_, 3, geometry.points);
+    file.write("/topology", stream, 1, geometry.topology);
+    file.create_group("/fields");
+    file.flush();
+  }
+
+  void write(double time, const std::vector<Field>& fields) {
+    const std::string group = fmt::format("/fields/{}", steps_++);
+    std::string attributes;
+    {
+      // Closed before the XDMF text names the new step: a reader, or a run killed in between, finds whole steps only.
+      H5File file(comm_, path(".h5"), H5File::Mode::read_write);
+      file.create_group(group);
+      file.write_attribute(group, "time", time);
+      for (const Field& field : fields) attributes += write_field(file, group, field);
+      file.flush();
+    }
+    grids_ += fmt::format(
+        "      <Grid Name=\"{0}\" GridType=\"Uniform\">\n"
+        "        <Time Value=\"{1}\"/>\n"
+        "        <Topology TopologyType=\"Mixed\" NumberOfElements=\"{2}\">{3}</Topology>\n"
+        "        <Geometry GeometryType=\"XYZ\">{4}</Geometry>\n"
+        "{5}"
+        "      </Grid>\n",
+        name_, time, cell_rows_.total, item("/topology", fmt::format("{}", stream_length_), "NumberType=\"Int\" Precision=\"4\""),
+        item("/points", fmt::format("{} 3", point_rows_.total)), attributes);
+    write_text();
+  }
+
+ private:
+  /// Writes one table and returns its XDMF attribute.
+  std::string write_field(H5File& file, const std::string& group, const Field& field) const {
+    const RowRange& rows = field.on == Location::copy ? point_rows_ : cell_rows_;
+    const int columns = field.components == 6 ? 9 : field.components;
+    assert(columns == 1 || columns == 3 || columns == 9);
+    const std::string table = group + "/" + field.name;
+    if (field.components == 6) {
+      file.write(table, rows, columns, full_tensors(field.values, rows.count));
+    } else {
+      file.write(table, rows, columns, field.values);
+    }
+    return fmt::format("        <Attribute Name=\"{}\" AttributeType=\"{}\" Center=\"{}\">{}</Attribute>\n", field.name,
+                       attribute_type(columns), field.on == Location::copy ? "Node" : "Cell",
+                       item(table, columns == 1 ? fmt::format("{}", rows.total) : fmt::format("{} {}", rows.total, columns)));
+  }
+
+  [[nodiscard]] std::string item(const std::string& table, const std::string& dimensions,
+                                 const char* number = "NumberType=\"Float\" Precision=\"8\"") const {
+    return fmt::format("<DataItem Dimensions=\"{}\" {} Format=\"HDF\">{}.h5:{}</DataItem>", dimensions, number, name_, table);
+  }
+
+  void write_text() const {
+    try {
+      mpi::on_root(comm_, [&] {
+        write_atomically(path(".xdmf"), fmt::format("<?xml version=\"1.0\"?>\n"
+                                                    "<Xdmf Version=\"3.0\">\n"
+                                                    "  <Domain>\n"
+                                                    "    <Grid Name=\"{}\" GridType=\"Collection\" CollectionType=\"Temporal\">\n"
+                                                    "{}"
+                                                    "    </Grid>\n"
+                                                    "  </Domain>\n"
+                                                    "</Xdmf>\n",
+                                                    name_, grids_));
+      });
+    } catch (const InputError& failure) {
+      throw std::runtime_error(failure.what());  // a full disk is no bad input
+    }
+  }
+
+  [[nodiscard]] std::filesystem::path path(const char* ending) const { return directory_ / (name_ + ending); }
+
+  MPI_Comm comm_;
+  std::filesystem::path directory_;
+  std::string name_;
+  RowRange cell_rows_, point_rows_;
+  hsize_t stream_length_ = 0;
+  int steps_ = 0;
+  std::string grids_;  ///< XDMF text of the steps written so far.
+};
+
+}  // namespace
+
+struct FieldWriter::Files {
+  Series matrix;
+  std::optional<Series> fractures;
+};
+
+FieldWriter::FieldWriter(const mesh::DistributedMesh& mesh, const std::filesystem::path& directory) {
+  mpi::on_root(mesh.comm, [&] {
+    std::filesystem::create_directories(directory);
+    for (const char* file : {"matrix.xdmf", "fractures.xdmf", "fractures.h5"}) std::filesystem::remove(directory / file);
+  });
+  files_ = std::make_unique<Files>(Files{Series(mesh.comm, directory, "matrix", matrix_geometry(mesh)), std::nullopt});
+  if (mesh.fractures.total > 0) files_->fractures.emplace(mesh.comm, directory, "fractures", fracture_geometry(mesh));
+}
+
+FieldWriter::~FieldWriter() = default;
+
+void FieldWriter::write(double time, const std::vector<Field>& fields) {
+  std::vector<Field> in_matrix, on_fractures;
+  std::ranges::partition_copy(fields, std::back_inserter(on_fractures), std::back_inserter(in_matrix),
+                              [](const Field& field) { return field.on == Location::fracture_face; });
+  files_->matrix.write(time, in_matrix);
+  if (files_->fractures) files_->fractures->write(time, on_fractures);
+}
+
+}  // namespace polyslip::io
