@@ -185,8 +185,8 @@ void PartCutter::collect_faces_and_nodes() {
   }
 }
 
-/// A face whose first cell is not here is turned, so that the one that is here comes first; fracture faces keep their + side first, here
-/// or not (-1).
+/// A face whose first cell is not here is turned, so that the one that is here comes first; fracture faces keep their + side first,
+/// here or not (-1).
 void PartCutter::fill_faces(DistributedMesh& part) const {
   PolyMesh& mesh = part.mesh;
   mesh.face_nodes = gather(whole_.face_nodes, faces_.members(), nodes_);

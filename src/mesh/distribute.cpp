@@ -85,7 +85,8 @@ void check_part(const PolyMesh& serial, const std::vector<Index>& part, int rank
   }
   const auto bad = std::find_if(part.begin(), part.end(), [&](Index rank) { return rank < 0 || rank >= ranks; });
   if (bad != part.end()) {
-    throw InputError(fmt::format("cell {} is given to rank {}, but there are {} ranks", bad - part.begin(), *bad, ranks), "mesh partition");
+    throw InputError(fmt::format("cell {} is given to rank {}, but there are {} ranks", bad - part.begin(), *bad, ranks),
+                     "mesh partition");
   }
 }
 

@@ -68,8 +68,8 @@ std::vector<Index> partition_cells(const PolyMesh& mesh, Index ranks, const Part
   settings[METIS_OPTION_SEED] = seed;
   idx_t n_cells = n, n_constraints = 1, n_parts = ranks, cut = 0;
   const auto split = ranks <= ranks_for_recursion ? METIS_PartGraphRecursive : METIS_PartGraphKway;
-  const int status = split(&n_cells, &n_constraints, graph.offsets.data(), graph.neighbours.data(), graph.cell_weights.data(), nullptr,
-                           graph.edge_weights.data(), &n_parts, nullptr, nullptr, settings, &cut, part.data());
+  const int status = split(&n_cells, &n_constraints, graph.offsets.data(), graph.neighbours.data(), graph.cell_weights.data(),
+                           nullptr, graph.edge_weights.data(), &n_parts, nullptr, nullptr, settings, &cut, part.data());
   if (status != METIS_OK) {
     throw InputError(fmt::format("METIS could not split {} cells into {} parts (METIS status {}{})", n, ranks, status,
                                  status == METIS_ERROR_MEMORY ? ": not enough memory" : ""),

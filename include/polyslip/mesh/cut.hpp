@@ -8,7 +8,8 @@
 
 namespace polyslip::mesh {
 
-/// Which rank owns which entity of the serial mesh, and the global numbers that follow: contiguous by rank, within a rank in serial order.
+/// Which rank owns which entity of the serial mesh, and the global numbers that follow: contiguous by rank, within a rank in serial
+/// order.
 struct Ownership {
   std::vector<GlobalIndex> first;   ///< First global number of each rank, and the total behind the last.
   std::vector<GlobalIndex> number;  ///< Global number of each serial entity, -1 where nobody owns it.
@@ -24,8 +25,8 @@ struct Ownership {
   [[nodiscard]] GlobalIndex total() const { return first.back(); }
 };
 
-/// Serial entities present in the part being cut, with their local numbers: one marker for each serial entity, so that membership costs one
-/// look-up and clearing costs only what was added.
+/// Serial entities present in the part being cut, with their local numbers: one marker for each serial entity, so that membership
+/// costs one look-up and clearing costs only what was added.
 class LocalSet {
  public:
   explicit LocalSet(Index serial_size) : local_(serial_size, -1) {}

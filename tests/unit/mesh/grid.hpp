@@ -1,4 +1,5 @@
-// A plain box grid with fractures marked by a predicate, built without the generators: reference for the tests of distribution and files.
+// A plain box grid with fractures marked by a predicate, built without the generators: reference for the tests of distribution and
+// files.
 #pragma once
 
 #include <array>
@@ -12,8 +13,9 @@ namespace polyslip::mesh {
 /// True where the face with this centre and normal axis lies on a fracture.
 using FractureMark = std::function<bool(const Vec3& centre, int axis)>;
 
-/// Unit box of n[0] x n[1] (x n[2]) cells; in 2D n[2] is ignored. Fractures are marked inside only, their + side is the lower cell; copies are built.
-/// Two regions (split in the middle of x) and the tags "low" and "high" on the sides of x, so that every field has something to carry.
+/// Unit box of n[0] x n[1] (x n[2]) cells; in 2D n[2] is ignored. Fractures are marked inside only, their + side is the lower cell;
+/// copies are built. Two regions (split in the middle of x) and the tags "low" and "high" on the sides of x, so that every field
+/// has something to carry.
 inline PolyMesh grid(int dim, std::array<Index, 3> n, const FractureMark& marked = {}) {
   PolyMesh mesh;
   mesh.dim = dim;
@@ -23,7 +25,8 @@ inline PolyMesh grid(int dim, std::array<Index, 3> n, const FractureMark& marked
   const auto cell = [&](std::array<Index, 3> i) { return i[0] + n[0] * (i[1] + n[1] * i[2]); };
   for (Index k = 0; k < m[2]; ++k) {
     for (Index j = 0; j < m[1]; ++j) {
-      for (Index i = 0; i < m[0]; ++i) mesh.nodes.emplace_back(double(i) / n[0], double(j) / n[1], dim == 3 ? double(k) / n[2] : 0.0);
+      for (Index i = 0; i < m[0]; ++i)
+        mesh.nodes.emplace_back(double(i) / n[0], double(j) / n[1], dim == 3 ? double(k) / n[2] : 0.0);
     }
   }
   std::vector<std::vector<Index>> faces_of(static_cast<std::size_t>(n[0]) * n[1] * n[2]);
@@ -44,8 +47,10 @@ inline PolyMesh grid(int dim, std::array<Index, 3> n, const FractureMark& marked
             if (dim == 3) p[c] += dc;
             return node(p);
           };
-          if (dim == 3) corners = {corner(0, 0), corner(1, 0), corner(1, 1), corner(0, 1)};
-          else corners = a == 0 ? std::vector<Index>{corner(0, 0), corner(1, 0)} : std::vector<Index>{corner(1, 0), corner(0, 0)};
+          if (dim == 3)
+            corners = {corner(0, 0), corner(1, 0), corner(1, 1), corner(0, 1)};
+          else
+            corners = a == 0 ? std::vector<Index>{corner(0, 0), corner(1, 0)} : std::vector<Index>{corner(1, 0), corner(0, 0)};
           Vec3 centre = Vec3::Zero();
           for (const Index s : corners) centre += mesh.nodes[s] / double(corners.size());
           auto lower = at;

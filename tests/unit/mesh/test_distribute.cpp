@@ -45,10 +45,11 @@ std::vector<std::pair<std::string, std::vector<Index>>> splits(Index n, Index ra
 
 std::vector<Case> cases() {
   std::vector<Case> result;
-  const std::vector<std::pair<std::string, PolyMesh>> meshes{{"2D, no fracture", grid(2, {5, 4, 0})},
-                                                             {"2D, crossing", grid(2, {8, 6, 0}, crossing())},
-                                                             {"3D, crossing", grid(3, {4, 4, 3}, crossing())},
-                                                             {"3D, every face a fracture", grid(3, {4, 3, 3}, [](auto&, int) { return true; })}};
+  const std::vector<std::pair<std::string, PolyMesh>> meshes{
+      {"2D, no fracture", grid(2, {5, 4, 0})},
+      {"2D, crossing", grid(2, {8, 6, 0}, crossing())},
+      {"3D, crossing", grid(3, {4, 4, 3}, crossing())},
+      {"3D, every face a fracture", grid(3, {4, 3, 3}, [](auto&, int) { return true; })}};
   for (const auto& [name, mesh] : meshes) {
     result.push_back({name + ", METIS", mesh, distribute(world, PolyMesh(mesh))});
     for (const auto& [how, part] : splits(mesh.n_cells(), mpi::size(world))) {
@@ -130,7 +131,8 @@ TEST(distribution, ghosts_are_the_cells_around_owned_nodes_and_across_their_frac
 TEST(distribution, every_owned_copy_has_all_its_cells_here) {
   for (const auto& [name, serial, part] : cases()) {
     SCOPED_TRACE(name);
-    std::vector<Index> seen_in_serial(serial.n_copies(), 0), seen_here(part.mesh.n_copies(), 0), serial_copy(part.mesh.n_copies(), -1);
+    std::vector<Index> seen_in_serial(serial.n_copies(), 0), seen_here(part.mesh.n_copies(), 0),
+        serial_copy(part.mesh.n_copies(), -1);
     for (const Index copy : serial.cell_copies) ++seen_in_serial[copy];
     for (Index c = 0; c < part.mesh.n_cells(); ++c) {
       for (std::size_t i = 0; i < part.mesh.copies_of(c).size(); ++i) {

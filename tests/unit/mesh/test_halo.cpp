@@ -1,9 +1,8 @@
 // Exchange between owners and ghosts.
-#include "polyslip/mesh/halo.hpp"
-
 #include <gtest/gtest.h>
 
 #include "polyslip/common/mpi.hpp"
+#include "polyslip/mesh/halo.hpp"
 #include "unit/mesh/grid.hpp"
 
 namespace polyslip::mesh {
