@@ -1,5 +1,7 @@
 #include "polyslip/la/block_matrix.hpp"
 
+#include <petsc/private/petscimpl.h>  // PetscObjectStateIncrease
+
 #include <algorithm>
 #include <cassert>
 #include <numeric>
@@ -79,6 +81,7 @@ void BlockMatrix::end_writing() {
   POLYSLIP_PETSC(MatSeqAIJRestoreArray(diagonal_part_, &diagonal_));
   if (offdiagonal_part_ != nullptr) POLYSLIP_PETSC(MatSeqAIJRestoreArray(offdiagonal_part_, &offdiagonal_));
   diagonal_ = offdiagonal_ = nullptr;
+  // PETSc must see that the values changed, or solvers keep their old set-up.
   POLYSLIP_PETSC(PetscObjectStateIncrease(reinterpret_cast<PetscObject>(matrix_.get())));
   POLYSLIP_PETSC(MatAssemblyBegin(matrix_, MAT_FINAL_ASSEMBLY));
   POLYSLIP_PETSC(MatAssemblyEnd(matrix_, MAT_FINAL_ASSEMBLY));

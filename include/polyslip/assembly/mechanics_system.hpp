@@ -1,0 +1,131 @@
+// The discrete mechanical problem of scheme.md section 3: residual, exact linearisation, and its condensed form (section 6).
+//
+// One matrix is stored, over the nodal copies:  P = A + sum_K C_K  with the bulk A (all cells but the + cells; assembled once) and the
+// condensed blocks C_K of the + cells. Between Newton iterations only the rows of + cells are rewritten.
+// Where frictional slip makes C_K unsymmetric, P may hold the blocks with friction left out (state-matched, symmetric, what multigrid
+// likes); the exact condensed operator is then P + sum_K (C_K - C_K^sym), see apply_condensed.
+#pragma once
+
+#include <array>
+#include <memory>
+
+#include "polyslip/assembly/contact_cells.hpp"
+#include "polyslip/assembly/layout.hpp"
+#include "polyslip/assembly/loads.hpp"
+#include "polyslip/la/block_matrix.hpp"
+#include "polyslip/physics/problem.hpp"
+
+namespace polyslip::assembly {
+
+/// Contact values of the owned fracture faces at x and along a direction y: contact rows of x - alpha y without touching the bulk.
+struct ContactLine {
+  std::vector<physics::ContactPoint> at;         ///< Owned faces.
+  std::vector<physics::ContactPoint> direction;  ///< lam and jump of y.
+};
+
+/// Norms that convergence is judged by; independent of beta.
+struct ResidualNorms {
+  double momentum = 0, momentum_scale = 0;  ///< [N]
+  double contact = 0, contact_scale = 0;    ///< With beta = (2 mu + lambda)/h_K, times |sigma| [N].
+};
+
+struct StateCounts {
+  std::array<long long, 3> faces{};  ///< By physics::ContactState, over all ranks.
+};
+
+class MechanicsSystem {
+ public:
+  enum class MatrixContent { bulk, symmetric, exact };  ///< What P holds: A, A + sum C_K^sym, A + sum C_K.
+
+  MechanicsSystem(const mesh::DistributedMesh& mesh, const physics::MechanicsProblem& problem);
+
+  [[nodiscard]] const mesh::DistributedMesh& mesh() const { return mesh_; }
+  [[nodiscard]] const physics::MechanicsProblem& problem() const { return problem_; }
+  [[nodiscard]] const Layout& layout() const { return layout_; }
+  [[nodiscard]] const ContactCells& contact_cells() const { return cells_; }
+  [[nodiscard]] const LoadAssembler& load_assembler() const { return load_assembler_; }
+  [[nodiscard]] std::span<const physics::Lame> moduli() const { return moduli_; }
+  [[nodiscard]] GlobalIndex fracture_faces() const { return mesh_.fractures.total; }
+
+  // --- the step ---
+  void set_loads(Loads loads);
+  [[nodiscard]] const Loads& loads() const { return loads_; }
+  void impose_dirichlet(Vec x) const;
+  /// Friction is measured from the jumps of x from now on.
+  void set_previous_jumps(Vec x);
+  [[nodiscard]] std::span<const Vec3> previous_jumps() const { return previous_; }
+  void set_previous_jumps(std::span<const Vec3> jumps);
+  /// beta_n = beta_t = scale (2 mu + lambda)/h_K
+  void set_beta_scale(double scale) { beta_scale_ = scale; }
+  [[nodiscard]] double beta_scale() const { return beta_scale_; }
+  /// Multiplies every friction coefficient and bound (continuation); 1 is the problem itself.
+  void set_friction_factor(double factor) { friction_factor_ = factor; }
+
+  // --- nonlinear rows ---
+  /// f = all rows of the residual at x: momentum [N], contact rows times |sigma| [N], u - u_D on prescribed components.
+  void residual(Vec x, Vec f) const;
+  /// r = momentum rows of the Jacobian times y (they are linear); 0 on contact rows.
+  void momentum_action(Vec y, Vec r) const;
+  [[nodiscard]] ContactLine contact_line(Vec x, Vec y) const;
+  /// Sum of squares of the contact rows at x - alpha y, over all ranks [N2].
+  [[nodiscard]] double contact_merit(const ContactLine& line, double alpha) const;
+  /// Writes the contact rows at x - alpha y into f.
+  void set_contact_rows(const ContactLine& line, double alpha, Vec f) const;
+  [[nodiscard]] ResidualNorms norms(Vec x, Vec f) const;
+  /// State of each owned fracture face.
+  [[nodiscard]] std::vector<physics::ContactState> states(Vec x) const;
+  [[nodiscard]] StateCounts count(std::span<const physics::ContactState> states) const;
+
+  // --- linearisation ---
+  /// Linearises the contact law at x and condenses; then writes P.
+  void linearise(Vec x, MatrixContent content);
+  [[nodiscard]] Mat matrix() const { return matrix_->get(); }
+  /// Whether the exact condensed operator is P itself (otherwise friction makes them differ).
+  [[nodiscard]] bool matrix_is_exact() const { return matrix_is_exact_; }
+  [[nodiscard]] bool is_symmetric() const { return symmetric_everywhere_; }
+  /// y = (P + sum_K (C_K - C_K^sym)) x
+  void apply_condensed(Vec x, Vec y) const;
+  /// Nodal right-hand side of the condensed system for the residual f.
+  void condense_residual(Vec f, Vec nodal) const;
+  /// All components of the Newton direction from its nodal part.
+  void recover(Vec f, Vec nodal, Vec direction) const;
+
+  /// Contact laws linearised last, by local fracture face.
+  [[nodiscard]] std::span<const physics::ContactLinearisation> linearised_law() const { return law_; }
+  [[nodiscard]] const std::vector<char>& fixed() const { return load_assembler_.fixed(); }
+
+ private:
+  void assemble_bulk();
+  void compute_lift();
+  void write_contact_rows(MatrixContent content);
+  [[nodiscard]] physics::ContactLaw law_of(Index face) const;
+  [[nodiscard]] double beta_of(Index face) const { return beta_scale_ * cells_.faces()[face].stiffness; }
+  [[nodiscard]] physics::ContactPoint point(Index face, const MechanicalState& state) const;
+  void momentum_rows(Vec y, std::span<const double> fracture_pressure, Vec r) const;
+  void add_bulk(Vec nodal_free, std::span<double> rows) const;
+  void add_blocks(std::span<const double> x, std::span<double> y, bool difference_only, double sign) const;
+
+  const mesh::DistributedMesh& mesh_;
+  const physics::MechanicsProblem& problem_;
+  std::vector<physics::Lame> moduli_;
+  Layout layout_;
+  ContactCells cells_;
+  LoadAssembler load_assembler_;
+  std::unique_ptr<la::BlockMatrix> matrix_;
+  std::vector<Index> contact_rows_;  ///< Owned copies whose rows + cells touch.
+  std::vector<double> bulk_rows_;    ///< Their values in A, in order.
+  MatrixContent content_ = MatrixContent::bulk;
+  bool matrix_is_exact_ = true, symmetric_everywhere_ = true;
+
+  Loads loads_;
+  std::vector<double> lift_;  ///< A_{free, prescribed} u_D, dim copies.owned [N]
+  double load_scale_ = 0;     ///< Norm of lift and loads [N]
+  double beta_scale_ = 0.1, friction_factor_ = 1;
+  std::vector<Vec3> previous_;  ///< J_sigma u^{n-1} by local fracture face.
+  std::vector<physics::ContactLinearisation> law_;
+
+  mutable MechanicalState work_, work2_;
+  la::Handle<Vec> nodal_in_, nodal_out_;
+};
+
+}  // namespace polyslip::assembly

@@ -1,0 +1,277 @@
+#include "polyslip/assembly/contact_cells.hpp"
+
+#include <Eigen/LU>
+#include <algorithm>
+
+#include "polyslip/geometry/faces.hpp"
+
+namespace polyslip::assembly {
+
+namespace {
+
+using RowMajor = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>;
+using ConstMap = Eigen::Map<const RowMajor>;
+using MutableMap = Eigen::Map<RowMajor>;
+
+/// Local number of each mesh face among the fracture faces, -1 elsewhere.
+std::vector<Index> number_fracture_faces(const mesh::DistributedMesh& mesh) {
+  std::vector<Index> number(static_cast<std::size_t>(mesh.mesh.n_faces()), -1);
+  for (std::size_t k = 0; k < mesh.fracture_faces.size(); ++k) number[mesh.fracture_faces[k]] = static_cast<Index>(k);
+  return number;
+}
+
+/// Whether this rank needs the blocks of a + cell: it owns the cell, or one of the copies on its nodes (across Gamma too).
+bool is_needed(const mesh::DistributedMesh& mesh, Index cell, std::span<const Index> external) {
+  if (cell < mesh.cells.owned) return true;
+  return std::any_of(external.begin(), external.end(), [&](Index copy) { return copy < mesh.copies.owned; });
+}
+
+Index copy_at(const mesh::PolyMesh& mesh, Index cell, Index node) {
+  const auto nodes = mesh.cell_nodes[cell];
+  const auto s = std::find(nodes.begin(), nodes.end(), node) - nodes.begin();
+  return mesh.copies_of(cell)[static_cast<std::size_t>(s)];
+}
+
+}  // namespace
+
+ContactCells::ContactCells(const mesh::DistributedMesh& mesh, std::span<const physics::Lame> moduli, physics::Stabilisation stabilisation)
+    : dim_(mesh.mesh.dim), is_contact_cell_(static_cast<std::size_t>(mesh.mesh.n_cells()), 0), faces_(mesh.fracture_faces.size()) {
+  if (mesh.fracture_faces.empty()) return;
+  const std::vector<Index> number = number_fracture_faces(mesh);
+  spaces::VemCell vem(mesh.mesh);
+  std::vector<Index> plus;
+  for (Index face : mesh.fracture_faces) plus.push_back(mesh.mesh.face_cells[face][0]);
+  std::sort(plus.begin(), plus.end());
+  plus.erase(std::unique(plus.begin(), plus.end()), plus.end());
+  for (Index cell : plus) {
+    vem.build(cell);
+    const auto bubbles = vem.bubble_faces();
+    // Cells at the rim of the ghost layer may lack a - side; none of their copies is ours.
+    if (std::any_of(bubbles.begin(), bubbles.end(), [&](Index face) { return number[face] < 0; })) continue;
+    add_cell(mesh, vem, moduli[cell], physics::stabilisation_factor(moduli[cell], stabilisation), number);
+  }
+  cell_differs_.assign(cells_.size(), 0);
+}
+
+void ContactCells::add_cell(const mesh::DistributedMesh& mesh, spaces::VemCell& vem, const physics::Lame& lame, double gamma,
+                            std::span<const Index> fracture_of_face) {
+  const mesh::PolyMesh& m = mesh.mesh;
+  const auto own = m.copies_of(vem.cell());
+  std::vector<Index> external(own.begin(), own.end());
+  for (Index face : vem.bubble_faces())
+    for (Index node : m.face_nodes[face]) {
+      const Index copy = copy_at(m, m.face_cells[face][1], node);
+      if (std::find(external.begin(), external.end(), copy) == external.end()) external.push_back(copy);
+    }
+  if (!is_needed(mesh, vem.cell(), external)) return;
+
+  const int n_ext = static_cast<int>(external.size()), n_faces = vem.n_bubbles();
+  const std::size_t e = static_cast<std::size_t>(dim_) * n_ext, i = static_cast<std::size_t>(2 * dim_) * n_faces,
+                    k = static_cast<std::size_t>(dim_) * vem.size();
+  const Index p = size();
+  cells_.push_back({vem.cell(), vem.n_nodes(), n_ext, n_faces, stiffness_.size(), jump_.size(), condensed_.size(), inverse_.size(),
+                    m_ei_.size()});
+  is_contact_cell_[vem.cell()] = 1;
+  stiffness_.resize(stiffness_.size() + k * k);
+  jump_.resize(jump_.size() + static_cast<std::size_t>(n_faces) * n_ext, 0.0);
+  condensed_.resize(condensed_.size() + e * e);
+  inverse_.resize(inverse_.size() + i * i);
+  m_ei_.resize(m_ei_.size() + e * i);
+  m_ie_.resize(m_ie_.size() + e * i);
+  physics::local_stiffness(dim_, vem, lame, gamma, {&stiffness_[cells_[p].stiffness], k * k});
+
+  std::vector<Vec3> points, g;
+  std::vector<double> w;
+  std::vector<Index> local_faces;
+  for (int f = 0; f < n_faces; ++f) {
+    const Index face = vem.bubble_faces()[f];
+    spaces::face_points(m, face, points);
+    g.resize(points.size());
+    w.resize(points.size());
+    geometry::vector_weights(dim_, points, g);
+    const auto geometry = geometry::face_geometry(points, g, w);
+    double* j = &jump_[cells_[p].jump + static_cast<std::size_t>(f) * n_ext];
+    for (std::size_t s = 0; s < points.size(); ++s) {
+      const Index node = m.face_nodes[face][s];
+      for (int side : {0, 1}) {
+        const Index copy = copy_at(m, m.face_cells[face][side], node);
+        j[std::find(external.begin(), external.end(), copy) - external.begin()] += side == 0 ? w[s] : -w[s];
+      }
+    }
+    ContactFace& contact = faces_[fracture_of_face[face]];
+    contact.cell = p;
+    contact.position = f;
+    contact.area = geometry.area;
+    contact.stiffness = (2 * lame.mu + lame.lambda) / vem.diameter();
+    contact.centre = geometry.centre;
+    contact.frame = geometry::face_frame(dim_, geometry.normal);
+    local_faces.push_back(fracture_of_face[face]);
+  }
+  external_.push_row(external);
+  cell_faces_.push_row(local_faces);
+}
+
+std::span<const double> ContactCells::matrix(const std::vector<double>& pool, Index p) const {
+  const std::size_t e = static_cast<std::size_t>(dim_) * cells_[p].n_ext;
+  return {&pool[cells_[p].condensed], e * e};
+}
+
+std::span<const double> ContactCells::symmetric_block(Index p) const { return matrix(cell_differs_[p] ? symmetric_ : condensed_, p); }
+
+Vec3 ContactCells::jump(Index face, const MechanicalState& state) const {
+  const ContactFace& contact = faces_[face];
+  const Cell& cell = cells_[contact.cell];
+  const auto external = external_[contact.cell];
+  const double* j = &jump_[cell.jump + static_cast<std::size_t>(contact.position) * cell.n_ext];
+  Vec3 v = Vec3::Zero();
+  for (int a = 0; a < dim_; ++a) v[a] = state.bubble[static_cast<std::size_t>(dim_) * face + a];
+  for (int e = 0; e < cell.n_ext; ++e)
+    for (int a = 0; a < dim_; ++a) v[a] += j[e] * state.nodal[static_cast<std::size_t>(dim_) * external[e] + a];
+  return contact.frame * v;
+}
+
+void ContactCells::add_momentum(const MechanicalState& state, std::span<const double> fracture_pressure, std::span<double> nodal,
+                                std::span<double> bubble) const {
+  Eigen::VectorXd v, r;
+  for (Index p = 0; p < size(); ++p) {
+    const Cell& cell = cells_[p];
+    const auto external = external_[p];
+    const auto faces = cell_faces_[p];
+    const int nodes = dim_ * cell.n_nodes, n = nodes + dim_ * cell.n_faces;
+    v.resize(n);
+    for (int s = 0; s < cell.n_nodes; ++s)
+      for (int a = 0; a < dim_; ++a) v[dim_ * s + a] = state.nodal[static_cast<std::size_t>(dim_) * external[s] + a];
+    for (int f = 0; f < cell.n_faces; ++f)
+      for (int a = 0; a < dim_; ++a) v[nodes + dim_ * f + a] = state.bubble[static_cast<std::size_t>(dim_) * faces[f] + a];
+    r.noalias() = ConstMap(&stiffness_[cell.stiffness], n, n) * v;
+    for (int s = 0; s < cell.n_nodes; ++s)
+      for (int a = 0; a < dim_; ++a) nodal[static_cast<std::size_t>(dim_) * external[s] + a] += r[dim_ * s + a];
+    for (int f = 0; f < cell.n_faces; ++f) {
+      const ContactFace& contact = faces_[faces[f]];
+      Vec3 lam = Vec3::Zero();
+      for (int a = 0; a < dim_; ++a) lam[a] = state.multiplier[static_cast<std::size_t>(dim_) * faces[f] + a];
+      if (!fracture_pressure.empty()) lam[0] += fracture_pressure[faces[f]];
+      const Vec3 force = contact.area * (contact.frame.transpose() * lam);
+      const double* j = &jump_[cell.jump + static_cast<std::size_t>(f) * cell.n_ext];
+      for (int e = 0; e < cell.n_ext; ++e)
+        for (int a = 0; a < dim_; ++a) nodal[static_cast<std::size_t>(dim_) * external[e] + a] += j[e] * force[a];
+      for (int a = 0; a < dim_; ++a) bubble[static_cast<std::size_t>(dim_) * faces[f] + a] += r[nodes + dim_ * f + a] + force[a];
+    }
+  }
+}
+
+void ContactCells::blocks(Index p, std::span<const physics::ContactLinearisation> law, SaddleBlocks& m) const {
+  const Cell& cell = cells_[p];
+  const auto faces = cell_faces_[p];
+  const int d = dim_, ne = d * cell.n_ext, nodes = d * cell.n_nodes, nb = d * cell.n_faces, n = nodes + nb;
+  const ConstMap k(&stiffness_[cell.stiffness], n, n);
+  m.ee.setZero(ne, ne);
+  m.ee.topLeftCorner(nodes, nodes) = k.topLeftCorner(nodes, nodes);
+  m.ei.setZero(ne, 2 * nb);
+  m.ei.topLeftCorner(nodes, nb) = k.topRightCorner(nodes, nb);
+  m.ie.setZero(2 * nb, ne);
+  m.ie.topLeftCorner(nb, nodes) = k.bottomLeftCorner(nb, nodes);
+  m.ii.setZero(2 * nb, 2 * nb);
+  m.ii.topLeftCorner(nb, nb) = k.bottomRightCorner(nb, nb);
+  for (int f = 0; f < cell.n_faces; ++f) {
+    const ContactFace& contact = faces_[faces[f]];
+    const auto frame = contact.frame.topLeftCorner(d, d);
+    const Eigen::MatrixXd traction = contact.area * frame.transpose();
+    const Eigen::MatrixXd d_jump = contact.area * law[faces[f]].d_jump.topLeftCorner(d, d) * frame;
+    const double* j = &jump_[cell.jump + static_cast<std::size_t>(f) * cell.n_ext];
+    for (int e = 0; e < cell.n_ext; ++e) {
+      if (j[e] == 0) continue;
+      m.ei.block(d * e, nb + d * f, d, d) = j[e] * traction;
+      m.ie.block(nb + d * f, d * e, d, d) = j[e] * d_jump;
+    }
+    m.ii.block(d * f, nb + d * f, d, d) = traction;
+    m.ii.block(nb + d * f, d * f, d, d) = d_jump;
+    m.ii.block(nb + d * f, nb + d * f, d, d) = contact.area * law[faces[f]].d_lam.topLeftCorner(d, d);
+  }
+}
+
+ContactCells::SaddleBlocks ContactCells::saddle_blocks(Index p, std::span<const physics::ContactLinearisation> law) const {
+  SaddleBlocks m;
+  blocks(p, law, m);
+  return m;
+}
+
+namespace {
+
+/// Inverse of M_II with the multiplier columns in units of their face's stiffness, so that pivots compare like with like.
+Eigen::MatrixXd inverse_internal(const Eigen::MatrixXd& ii, const Eigen::VectorXd& column_scale) {
+  Eigen::MatrixXd scaled = ii * column_scale.asDiagonal();
+  return column_scale.asDiagonal() * scaled.partialPivLu().inverse();
+}
+
+}  // namespace
+
+void ContactCells::condense(std::span<const physics::ContactLinearisation> law, std::span<const physics::ContactLinearisation> symmetric,
+                            std::span<const char> differs) {
+  SaddleBlocks m;
+  any_difference_ = false;
+  for (Index p = 0; p < size(); ++p) {
+    const Cell& cell = cells_[p];
+    const auto faces = cell_faces_[p];
+    const int ne = dim_ * cell.n_ext, ni = 2 * dim_ * cell.n_faces;
+    Eigen::VectorXd scale = Eigen::VectorXd::Ones(ni);
+    for (int f = 0; f < cell.n_faces; ++f) scale.segment(ni / 2 + dim_ * f, dim_).setConstant(faces_[faces[f]].stiffness);
+    blocks(p, law, m);
+    MutableMap inverse(&inverse_[cell.internal], ni, ni);
+    inverse = inverse_internal(m.ii, scale);
+    MutableMap(&m_ei_[cell.coupling], ne, ni) = m.ei;
+    MutableMap(&m_ie_[cell.coupling], ni, ne) = m.ie;
+    MutableMap(&condensed_[cell.condensed], ne, ne) = m.ee - m.ei * (inverse * m.ie);
+    cell_differs_[p] = std::any_of(faces.begin(), faces.end(), [&](Index f) { return differs[f] != 0; }) ? 1 : 0;
+    if (cell_differs_[p] == 0) continue;
+    any_difference_ = true;
+    symmetric_.resize(condensed_.size());
+    blocks(p, symmetric, m);
+    MutableMap(&symmetric_[cell.condensed], ne, ne) = m.ee - m.ei * (inverse_internal(m.ii, scale) * m.ie);
+  }
+}
+
+Eigen::VectorXd ContactCells::internal_residual(Index p, std::span<const double> bubble, std::span<const double> contact) const {
+  const auto faces = cell_faces_[p];
+  const int nb = dim_ * cells_[p].n_faces;
+  Eigen::VectorXd r(2 * nb);
+  for (int f = 0; f < cells_[p].n_faces; ++f)
+    for (int a = 0; a < dim_; ++a) {
+      r[dim_ * f + a] = bubble[static_cast<std::size_t>(dim_) * faces[f] + a];
+      r[nb + dim_ * f + a] = contact[static_cast<std::size_t>(dim_) * faces[f] + a];
+    }
+  return r;
+}
+
+void ContactCells::condense_residual(std::span<const double> bubble, std::span<const double> contact, std::span<double> nodal) const {
+  for (Index p = 0; p < size(); ++p) {
+    const Cell& cell = cells_[p];
+    const int ne = dim_ * cell.n_ext, ni = 2 * dim_ * cell.n_faces;
+    const Eigen::VectorXd r = ConstMap(&m_ei_[cell.coupling], ne, ni) *
+                              (ConstMap(&inverse_[cell.internal], ni, ni) * internal_residual(p, bubble, contact));
+    const auto external = external_[p];
+    for (int e = 0; e < cell.n_ext; ++e)
+      for (int a = 0; a < dim_; ++a) nodal[static_cast<std::size_t>(dim_) * external[e] + a] -= r[dim_ * e + a];
+  }
+}
+
+void ContactCells::recover(std::span<const double> bubble, std::span<const double> contact, MechanicalState& delta) const {
+  for (Index p = 0; p < size(); ++p) {
+    const Cell& cell = cells_[p];
+    const auto external = external_[p];
+    const auto faces = cell_faces_[p];
+    const int ne = dim_ * cell.n_ext, nb = dim_ * cell.n_faces;
+    Eigen::VectorXd v(ne);
+    for (int e = 0; e < cell.n_ext; ++e)
+      for (int a = 0; a < dim_; ++a) v[dim_ * e + a] = delta.nodal[static_cast<std::size_t>(dim_) * external[e] + a];
+    const Eigen::VectorXd i = ConstMap(&inverse_[cell.internal], 2 * nb, 2 * nb) *
+                              (internal_residual(p, bubble, contact) - ConstMap(&m_ie_[cell.coupling], 2 * nb, ne) * v);
+    for (int f = 0; f < cell.n_faces; ++f)
+      for (int a = 0; a < dim_; ++a) {
+        delta.bubble[static_cast<std::size_t>(dim_) * faces[f] + a] = i[dim_ * f + a];
+        delta.multiplier[static_cast<std::size_t>(dim_) * faces[f] + a] = i[nb + dim_ * f + a];
+      }
+  }
+}
+
+}  // namespace polyslip::assembly

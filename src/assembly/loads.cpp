@@ -1,0 +1,215 @@
+#include "polyslip/assembly/loads.hpp"
+
+#include <algorithm>
+
+#include "polyslip/common/error.hpp"
+#include "polyslip/common/mpi.hpp"
+#include "polyslip/geometry/faces.hpp"
+
+namespace polyslip::assembly {
+
+namespace {
+
+std::vector<double> blend(const std::vector<double>& a, const std::vector<double>& b, double s) {
+  std::vector<double> c(a.size());
+  for (std::size_t i = 0; i < a.size(); ++i) c[i] = (1 - s) * a[i] + s * b[i];
+  return c;
+}
+
+bool is_zero(const std::array<Expression, 3>& f, int dim) {
+  return std::all_of(f.begin(), f.begin() + dim, [](const Expression& e) { return e.is_zero(); });
+}
+
+/// Points at which a function of each copy is evaluated: the node, or for split nodes a point 1e-12 of the way to the cells that see it.
+std::vector<Vec3> points_of_copies(const mesh::DistributedMesh& mesh) {
+  const mesh::PolyMesh& m = mesh.mesh;
+  std::vector<Vec3> inward(static_cast<std::size_t>(m.n_copies()), Vec3::Zero());
+  std::vector<Index> copies_at(static_cast<std::size_t>(m.n_nodes()), 0), seen(inward.size(), 0);
+  for (Index s : m.copy_node) ++copies_at[s];
+  for (Index cell = 0; cell < m.n_cells(); ++cell) {
+    Vec3 centre = Vec3::Zero();
+    for (Index s : m.cell_nodes[cell]) centre += m.nodes[s];
+    centre /= m.cell_nodes.row_size(cell);
+    for (Index copy : m.copies_of(cell)) {
+      inward[copy] += centre - m.nodes[m.copy_node[copy]];
+      ++seen[copy];
+    }
+  }
+  for (Index copy = 0; copy < m.n_copies(); ++copy) {
+    const Vec3& node = m.nodes[m.copy_node[copy]];
+    const bool split = copies_at[m.copy_node[copy]] > 1;
+    inward[copy] = split ? Vec3(node + 1e-12 / std::max(1, seen[copy]) * inward[copy]) : node;
+  }
+  return inward;
+}
+
+}  // namespace
+
+Loads Loads::blend(const Loads& a, const Loads& b, double s) {
+  return {assembly::blend(a.nodal, b.nodal, s), assembly::blend(a.bubble, b.bubble, s), assembly::blend(a.dirichlet, b.dirichlet, s),
+          assembly::blend(a.fracture_pressure, b.fracture_pressure, s)};
+}
+
+LoadAssembler::LoadAssembler(const mesh::DistributedMesh& mesh, const physics::MechanicsProblem& problem, const Layout& layout,
+                             const ContactCells& cells)
+    : mesh_(mesh), problem_(problem), layout_(layout), cells_(cells) {
+  for (Index face = 0; face < mesh.mesh.n_faces(); ++face)
+    if (mesh.face_is_boundary[face]) boundary_faces_.push_back(face);
+  for (const physics::BoundaryRule& rule : problem.boundary) {
+    const bool here = std::any_of(boundary_faces_.begin(), boundary_faces_.end(), [&](Index face) { return applies(rule, face); });
+    if (!mpi::any(mesh.comm, here))
+      throw InputError("no boundary face carries the tag '" + rule.tag + "'", rule.place,
+                       "Use a side of the box, a physical group on the boundary, or all");
+  }
+  evaluation_points_ = points_of_copies(mesh);
+  mark_fixed();
+}
+
+bool LoadAssembler::applies(const physics::BoundaryRule& rule, Index face) const {
+  if (rule.tag == "all") return true;
+  const Index tag = mesh_.mesh.face_tag[face];
+  return tag >= 0 && mesh_.mesh.tag_names[tag] == rule.tag;
+}
+
+void LoadAssembler::mark_fixed() {
+  const mesh::PolyMesh& m = mesh_.mesh;
+  const int dim = m.dim;
+  rule_of_.assign(static_cast<std::size_t>(dim) * m.n_copies(), -1);
+  for (Index r = 0; r < static_cast<Index>(problem_.boundary.size()); ++r)
+    for (Index face : boundary_faces_) {
+      if (!applies(problem_.boundary[r], face)) continue;
+      const Index cell = m.face_cells[face][0];
+      const auto nodes = m.cell_nodes[cell];
+      for (Index node : m.face_nodes[face]) {
+        const Index copy = m.copies_of(cell)[std::find(nodes.begin(), nodes.end(), node) - nodes.begin()];
+        for (int a = 0; a < dim; ++a)
+          if (problem_.boundary[r].displacement[a]) rule_of_[static_cast<std::size_t>(dim) * copy + a] = r;
+      }
+    }
+  layout_.copy_halo().owner_to_ghost(std::span<Index>(rule_of_), dim);
+  fixed_.resize(rule_of_.size());
+  std::transform(rule_of_.begin(), rule_of_.end(), fixed_.begin(), [](Index r) { return r >= 0 ? 1 : 0; });
+}
+
+bool LoadAssembler::depends_on_time() const {
+  const auto varies = [](const std::optional<Expression>& e) { return e && e->depends_on_time(); };
+  for (const physics::BoundaryRule& rule : problem_.boundary) {
+    if (varies(rule.pressure)) return true;
+    for (int a = 0; a < 3; ++a)
+      if (varies(rule.displacement[a]) || varies(rule.traction[a])) return true;
+  }
+  for (const Expression& f : problem_.body_force)
+    if (f.depends_on_time()) return true;
+  return std::any_of(problem_.contact.begin(), problem_.contact.end(),
+                     [](const physics::ContactRule& rule) { return rule.fracture_pressure.depends_on_time(); });
+}
+
+Loads LoadAssembler::zero() const {
+  const auto d = static_cast<std::size_t>(mesh_.mesh.dim);
+  return {std::vector<double>(d * mesh_.copies.local()), std::vector<double>(d * mesh_.fractures.local()),
+          std::vector<double>(d * mesh_.copies.local()), std::vector<double>(mesh_.fractures.local())};
+}
+
+Loads LoadAssembler::at(double time) const {
+  Loads loads = zero();
+  if (!is_zero(problem_.body_force, mesh_.mesh.dim)) add_body_force(time, loads);
+  add_boundary_forces(time, loads);
+  set_dirichlet(time, loads);
+  for (Index f = 0; f < mesh_.fractures.local(); ++f) {
+    const ContactFace& face = cells_.faces()[f];
+    if (face.cell < 0) continue;
+    const Index mesh_face = mesh_.fracture_faces[f];
+    const Index fracture = mesh_.mesh.face_fracture[mesh_face];
+    for (const physics::ContactRule& rule : problem_.contact)
+      if (rule.fracture.empty() || rule.fracture == mesh_.mesh.fracture_names[fracture])
+        loads.fracture_pressure[f] = rule.fracture_pressure(
+            {face.centre, time, mesh_.mesh.face_tip_distance[mesh_face], mesh_.mesh.fracture_length[fracture]});
+  }
+  return loads;
+}
+
+void LoadAssembler::add_body_force(double time, Loads& loads) const {
+  // int_K f . Pi_K v = sum_s v_s . (F/n + M c_s) + sum_b v_b . (M c_b),  F = int f,  M = int f (x) (x - xbar)
+  const mesh::PolyMesh& m = mesh_.mesh;
+  const int dim = m.dim;
+  spaces::VemCell vem(m);
+  std::vector<geometry::QuadraturePoint> rule;
+  std::vector<Index> number(static_cast<std::size_t>(m.n_faces()), -1);
+  for (std::size_t k = 0; k < mesh_.fracture_faces.size(); ++k) number[mesh_.fracture_faces[k]] = static_cast<Index>(k);
+  for (Index cell = 0; cell < m.n_cells(); ++cell) {
+    vem.build(cell);
+    rule.clear();
+    vem.append_rule(rule);
+    Vec3 total = Vec3::Zero();
+    Eigen::Matrix3d moment = Eigen::Matrix3d::Zero();
+    for (const auto& q : rule) {
+      Vec3 f = Vec3::Zero();
+      for (int a = 0; a < dim; ++a) f[a] = problem_.body_force[a]({.x = q.x, .t = time});
+      total += q.weight * f;
+      moment += q.weight * f * (q.x - vem.xbar()).transpose();
+    }
+    const auto copies = m.copies_of(cell);
+    for (int j = 0; j < vem.size(); ++j) {
+      Vec3 force = moment * vem.c()[j];
+      if (j < vem.n_nodes()) force += total / vem.n_nodes();
+      const Index target = j < vem.n_nodes() ? copies[j] : number[vem.bubble_faces()[j - vem.n_nodes()]];
+      if (target < 0) continue;
+      auto& values = j < vem.n_nodes() ? loads.nodal : loads.bubble;
+      for (int a = 0; a < dim; ++a) values[static_cast<std::size_t>(dim) * target + a] += force[a];
+    }
+  }
+}
+
+void LoadAssembler::add_boundary_forces(double time, Loads& loads) const {
+  const mesh::PolyMesh& m = mesh_.mesh;
+  const int dim = m.dim;
+  std::vector<Vec3> points, g;
+  std::vector<double> w;
+  std::vector<geometry::QuadraturePoint> rule;
+  for (Index face : boundary_faces_) {
+    std::array<const Expression*, 3> traction{};
+    const Expression* pressure = nullptr;
+    for (const physics::BoundaryRule& r : problem_.boundary) {
+      if (!applies(r, face)) continue;
+      for (int a = 0; a < dim; ++a)
+        if (r.traction[a]) traction[a] = &*r.traction[a];
+      if (r.pressure) pressure = &*r.pressure;
+    }
+    if (pressure == nullptr && std::all_of(traction.begin(), traction.end(), [](auto* e) { return e == nullptr; })) continue;
+    spaces::face_points(m, face, points);
+    g.resize(points.size());
+    w.resize(points.size());
+    geometry::vector_weights(dim, points, g);
+    const auto geometry = geometry::face_geometry(points, g, w);
+    rule.clear();
+    geometry::append_face_rule(dim, points, geometry.normal, rule);
+    Vec3 force = Vec3::Zero();
+    double pressure_mean = 0;
+    for (const auto& q : rule) {
+      const EvalPoint at{.x = q.x, .t = time};
+      for (int a = 0; a < dim; ++a)
+        if (traction[a] != nullptr) force[a] += q.weight * (*traction[a])(at);
+      if (pressure != nullptr) pressure_mean += q.weight * (*pressure)(at) / geometry.area;
+    }
+    const Index cell = m.face_cells[face][0];
+    const auto nodes = m.cell_nodes[cell];
+    for (std::size_t s = 0; s < points.size(); ++s) {
+      const Index copy = m.copies_of(cell)[std::find(nodes.begin(), nodes.end(), m.face_nodes[face][s]) - nodes.begin()];
+      for (int a = 0; a < dim; ++a)
+        loads.nodal[static_cast<std::size_t>(dim) * copy + a] += w[s] * force[a] - pressure_mean * g[s][a];
+    }
+  }
+}
+
+void LoadAssembler::set_dirichlet(double time, Loads& loads) const {
+  const int dim = mesh_.mesh.dim;
+  for (Index copy = 0; copy < mesh_.copies.owned; ++copy)
+    for (int a = 0; a < dim; ++a) {
+      const std::size_t i = static_cast<std::size_t>(dim) * copy + a;
+      if (rule_of_[i] < 0) continue;
+      loads.dirichlet[i] = (*problem_.boundary[rule_of_[i]].displacement[a])({.x = evaluation_points_[copy], .t = time});
+    }
+  layout_.copy_halo().owner_to_ghost(loads.dirichlet, dim);
+}
+
+}  // namespace polyslip::assembly

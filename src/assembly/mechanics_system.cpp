@@ -1,0 +1,440 @@
+#include "polyslip/assembly/mechanics_system.hpp"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+
+#include "polyslip/common/error.hpp"
+#include "polyslip/common/mpi.hpp"
+
+namespace polyslip::assembly {
+
+using physics::ContactLinearisation;
+using physics::ContactPoint;
+using physics::ContactState;
+using physics::FrictionLaw;
+
+namespace {
+
+/// The law of each fracture face from the rules (later ones win).
+void assign_laws(const mesh::DistributedMesh& mesh, const physics::MechanicsProblem& problem, ContactCells& cells) {
+  for (Index f = 0; f < mesh.fractures.local(); ++f) {
+    ContactFace& face = cells.faces()[f];
+    if (face.cell < 0) continue;
+    const Index mesh_face = mesh.fracture_faces[f], fracture = mesh.mesh.face_fracture[mesh_face];
+    const EvalPoint at{face.centre, 0, mesh.mesh.face_tip_distance[mesh_face], mesh.mesh.fracture_length[fracture]};
+    for (const physics::ContactRule& rule : problem.contact) {
+      if (!rule.fracture.empty() && rule.fracture != mesh.mesh.fracture_names[fracture]) continue;
+      face.law = {rule.law, rule.law == FrictionLaw::frictionless ? 0.0 : rule.friction(at)};
+      if (face.law.friction < 0)
+        throw InputError(fmt::format("friction {:g} is negative at ({:g}, {:g}, {:g})", face.law.friction, at.x.x(), at.x.y(), at.x.z()),
+                         rule.place, "Give a coefficient (coulomb) or bound (tresca) of at least 0");
+    }
+  }
+}
+
+/// Couplings of each owned copy: all copies of the cells that see it, and of the + cells whose condensed block holds it.
+Csr matrix_graph(const mesh::DistributedMesh& mesh, const ContactCells& contact) {
+  const mesh::PolyMesh& m = mesh.mesh;
+  const Index owned = mesh.copies.owned;
+  Csr cells_of;  // groups of copies by owned copy: cells first, then (negative) + cells
+  cells_of.offsets.assign(static_cast<std::size_t>(owned) + 1, 0);
+  const auto for_each = [&](auto&& visit) {
+    for (Index cell = 0; cell < m.n_cells(); ++cell)
+      for (Index copy : m.copies_of(cell))
+        if (copy < owned) visit(copy, cell);
+    for (Index p = 0; p < contact.size(); ++p)
+      for (Index copy : contact.external(p))
+        if (copy < owned) visit(copy, -1 - p);
+  };
+  for_each([&](Index copy, Index) { ++cells_of.offsets[copy + 1]; });
+  for (Index i = 0; i < owned; ++i) cells_of.offsets[i + 1] += cells_of.offsets[i];
+  cells_of.values.resize(static_cast<std::size_t>(cells_of.offsets[owned]));
+  std::vector<Index> next(cells_of.offsets.begin(), cells_of.offsets.end() - 1);
+  for_each([&](Index copy, Index group) { cells_of.values[next[copy]++] = group; });
+
+  Csr graph;
+  graph.offsets.reserve(static_cast<std::size_t>(owned) + 1);
+  std::vector<Index> seen_by(static_cast<std::size_t>(m.n_copies()), -1);
+  for (Index row = 0; row < owned; ++row) {
+    for (Index group : cells_of[row])
+      for (Index copy : group >= 0 ? m.copies_of(group) : contact.external(-1 - group)) {
+        if (seen_by[copy] == row) continue;
+        seen_by[copy] = row;
+        graph.values.push_back(copy);
+      }
+    graph.offsets.push_back(static_cast<Index>(graph.values.size()));
+  }
+  return graph;
+}
+
+/// Adds a dense block over `copies` to the matrix; prescribed components keep their diagonal entry only.
+void add_block(la::BlockMatrix& matrix, int dim, std::span<const Index> copies, std::span<const char> fixed,
+               std::span<const double> block) {
+  const int n = static_cast<int>(copies.size()), width = dim * n;
+  const bool any_fixed = std::any_of(copies.begin(), copies.end(), [&](Index copy) {
+    return std::any_of(&fixed[static_cast<std::size_t>(dim) * copy], &fixed[static_cast<std::size_t>(dim) * copy] + dim, [](char c) { return c != 0; });
+  });
+  std::array<double, 9> masked;
+  for (int i = 0; i < n; ++i) {
+    if (copies[i] >= matrix.owned()) continue;
+    for (int j = 0; j < n; ++j) {
+      const double* entry = &block[static_cast<std::size_t>(dim * i) * width + dim * j];
+      if (!any_fixed) {
+        matrix.add(copies[i], copies[j], entry, width);
+        continue;
+      }
+      for (int a = 0; a < dim; ++a)
+        for (int b = 0; b < dim; ++b) {
+          const bool keep = (i == j && a == b) || (!fixed[static_cast<std::size_t>(dim) * copies[i] + a] &&
+                                                   !fixed[static_cast<std::size_t>(dim) * copies[j] + b]);
+          masked[dim * a + b] = keep ? entry[a * width + b] : 0.0;
+        }
+      matrix.add(copies[i], copies[j], masked.data(), dim);
+    }
+  }
+}
+
+bool sees_owned_copy(const mesh::DistributedMesh& mesh, Index cell) {
+  const auto copies = mesh.mesh.copies_of(cell);
+  return std::any_of(copies.begin(), copies.end(), [&](Index copy) { return copy < mesh.copies.owned; });
+}
+
+/// Rigid-body modes of the owned copies, for algebraic multigrid.
+void attach_rigid_body_modes(const mesh::DistributedMesh& mesh, const Layout& layout, Mat matrix) {
+  la::Handle<Vec> coordinates = layout.create_nodal_vector();
+  {
+    const VecWrite x(coordinates);
+    const int dim = mesh.mesh.dim;
+    for (Index copy = 0; copy < mesh.copies.owned; ++copy)
+      for (int a = 0; a < dim; ++a) x[dim * copy + a] = mesh.mesh.nodes[mesh.mesh.copy_node[copy]][a];
+  }
+  la::Handle<MatNullSpace> modes;
+  POLYSLIP_PETSC(MatNullSpaceCreateRigidBody(coordinates, modes.put()));
+  POLYSLIP_PETSC(MatSetNearNullSpace(matrix, modes));
+}
+
+}  // namespace
+
+MechanicsSystem::MechanicsSystem(const mesh::DistributedMesh& mesh, const physics::MechanicsProblem& problem)
+    : mesh_(mesh),
+      problem_(problem),
+      moduli_(physics::cell_moduli(mesh.mesh, problem.materials)),
+      layout_(mesh),
+      cells_(mesh, moduli_, problem.stabilisation),
+      load_assembler_(mesh, problem, layout_, cells_),
+      beta_scale_(problem.beta_scale),
+      previous_(static_cast<std::size_t>(mesh.fractures.local()), Vec3::Zero()),
+      law_(static_cast<std::size_t>(mesh.fractures.local())),
+      work_(layout_.create_state()),
+      work2_(layout_.create_state()),
+      nodal_in_(layout_.create_nodal_vector()),
+      nodal_out_(layout_.create_nodal_vector()) {
+  assign_laws(mesh, problem, cells_);
+  assemble_bulk();
+}
+
+void MechanicsSystem::assemble_bulk() {
+  const int dim = mesh_.mesh.dim;
+  matrix_ = std::make_unique<la::BlockMatrix>(
+      la::BlockMatrix::Layout{mesh_.comm, dim, mesh_.copies.owned, mesh_.copies.first, mesh_.copies.ghosts}, matrix_graph(mesh_, cells_));
+  spaces::VemCell vem(mesh_.mesh);
+  std::vector<double> local;
+  matrix_->begin_writing();
+  for (Index cell = 0; cell < mesh_.mesh.n_cells(); ++cell) {
+    if (cells_.contains(cell) || !sees_owned_copy(mesh_, cell)) continue;
+    vem.build(cell);
+    const std::size_t n = static_cast<std::size_t>(dim) * vem.size();
+    local.resize(n * n);
+    physics::local_stiffness(dim, vem, moduli_[cell], physics::stabilisation_factor(moduli_[cell], problem_.stabilisation), local);
+    add_block(*matrix_, dim, mesh_.mesh.copies_of(cell), fixed(), local);
+  }
+  for (Index p = 0; p < cells_.size(); ++p)
+    for (Index copy : cells_.external(p))
+      if (copy < mesh_.copies.owned) contact_rows_.push_back(copy);
+  std::sort(contact_rows_.begin(), contact_rows_.end());
+  contact_rows_.erase(std::unique(contact_rows_.begin(), contact_rows_.end()), contact_rows_.end());
+  for (Index row : contact_rows_)
+    for (auto values : {matrix_->diagonal_row(row), matrix_->offdiagonal_row(row)})
+      bulk_rows_.insert(bulk_rows_.end(), values.begin(), values.end());
+  matrix_->end_writing();
+  attach_rigid_body_modes(mesh_, layout_, matrix_->get());
+}
+
+void MechanicsSystem::write_contact_rows(MatrixContent content) {
+  if (cells_.size() == 0 && content_ == content) return;
+  matrix_->begin_writing();
+  auto saved = bulk_rows_.begin();
+  for (Index row : contact_rows_)
+    for (auto values : {matrix_->diagonal_row(row), matrix_->offdiagonal_row(row)}) {
+      std::copy_n(saved, values.size(), values.begin());
+      saved += static_cast<std::ptrdiff_t>(values.size());
+    }
+  if (content != MatrixContent::bulk)
+    for (Index p = 0; p < cells_.size(); ++p)
+      add_block(*matrix_, mesh_.mesh.dim, cells_.external(p), fixed(),
+                content == MatrixContent::exact ? cells_.block(p) : cells_.symmetric_block(p));
+  matrix_->end_writing();
+  content_ = content;
+}
+
+void MechanicsSystem::set_loads(Loads loads) {
+  loads_ = std::move(loads);
+  compute_lift();
+  double squares = 0;
+  for (Index i = 0; i < layout_.nodal_size(); ++i) squares += std::pow(loads_.nodal[i], 2) + std::pow(lift_[i], 2);
+  for (Index f = 0; f < mesh_.fractures.owned; ++f) squares += std::pow(cells_.faces()[f].area * loads_.fracture_pressure[f], 2);
+  load_scale_ = std::sqrt(mpi::sum(mesh_.comm, squares));
+}
+
+void MechanicsSystem::compute_lift() {
+  const int dim = mesh_.mesh.dim;
+  lift_.assign(static_cast<std::size_t>(layout_.nodal_size()), 0.0);
+  spaces::VemCell vem(mesh_.mesh);
+  std::vector<double> local;
+  for (Index cell = 0; cell < mesh_.mesh.n_cells(); ++cell) {
+    if (cells_.contains(cell)) continue;
+    const auto copies = mesh_.mesh.copies_of(cell);
+    const bool prescribed = std::any_of(copies.begin(), copies.end(), [&](Index copy) {
+      for (int b = 0; b < dim; ++b)
+        if (loads_.dirichlet[static_cast<std::size_t>(dim) * copy + b] != 0) return true;
+      return false;
+    });
+    if (!prescribed || !sees_owned_copy(mesh_, cell)) continue;
+    vem.build(cell);
+    const std::size_t n = static_cast<std::size_t>(dim) * vem.size();
+    local.resize(n * n);
+    physics::local_stiffness(dim, vem, moduli_[cell], physics::stabilisation_factor(moduli_[cell], problem_.stabilisation), local);
+    for (std::size_t i = 0; i < copies.size(); ++i) {
+      if (copies[i] >= mesh_.copies.owned) continue;
+      for (int a = 0; a < dim; ++a) {
+        if (fixed()[static_cast<std::size_t>(dim) * copies[i] + a]) continue;
+        double& sum = lift_[static_cast<std::size_t>(dim) * copies[i] + a];
+        for (std::size_t j = 0; j < copies.size(); ++j)
+          for (int b = 0; b < dim; ++b)
+            sum += local[(dim * i + a) * n + dim * j + b] * loads_.dirichlet[static_cast<std::size_t>(dim) * copies[j] + b];
+      }
+    }
+  }
+}
+
+void MechanicsSystem::impose_dirichlet(Vec x) const {
+  const VecWrite a(x);
+  for (Index i = 0; i < layout_.nodal_size(); ++i)
+    if (fixed()[i]) a[i] = loads_.dirichlet[i];
+}
+
+void MechanicsSystem::set_previous_jumps(Vec x) {
+  layout_.gather(x, work_);
+  for (Index f = 0; f < mesh_.fractures.local(); ++f)
+    if (cells_.faces()[f].cell >= 0) previous_[f] = cells_.jump(f, work_);
+}
+
+void MechanicsSystem::set_previous_jumps(std::span<const Vec3> jumps) { previous_.assign(jumps.begin(), jumps.end()); }
+
+physics::ContactLaw MechanicsSystem::law_of(Index face) const {
+  physics::ContactLaw law = cells_.faces()[face].law;
+  law.friction *= friction_factor_;
+  return law;
+}
+
+ContactPoint MechanicsSystem::point(Index face, const MechanicalState& state) const {
+  ContactPoint p{Vec3::Zero(), cells_.jump(face, state), previous_[face]};
+  const int dim = layout_.dim();
+  for (int a = 0; a < dim; ++a) p.lam[a] = state.multiplier[static_cast<std::size_t>(dim) * face + a];
+  return p;
+}
+
+void MechanicsSystem::add_blocks(std::span<const double> x, std::span<double> y, bool difference_only, double sign) const {
+  const int dim = layout_.dim();
+  std::vector<double> local;
+  for (Index p = 0; p < cells_.size(); ++p) {
+    if (difference_only && !cells_.differs(p)) continue;
+    const auto copies = cells_.external(p);
+    const std::size_t n = static_cast<std::size_t>(dim) * copies.size();
+    local.resize(n);
+    for (std::size_t j = 0; j < n; ++j) {
+      const std::size_t global = static_cast<std::size_t>(dim) * copies[j / dim] + j % dim;
+      local[j] = fixed()[global] ? 0.0 : x[global];
+    }
+    const auto exact = cells_.block(p), symmetric = cells_.symmetric_block(p);
+    const bool stored_exact = content_ == MatrixContent::exact;
+    for (std::size_t i = 0; i < n; ++i) {
+      const std::size_t row = static_cast<std::size_t>(dim) * copies[i / dim] + i % dim;
+      if (static_cast<Index>(row) >= layout_.nodal_size() || fixed()[row]) continue;
+      double sum = 0;
+      if (difference_only)
+        for (std::size_t j = 0; j < n; ++j) sum += (exact[i * n + j] - symmetric[i * n + j]) * local[j];
+      else
+        for (std::size_t j = 0; j < n; ++j) sum += (stored_exact ? exact : symmetric)[i * n + j] * local[j];
+      y[row] += sign * sum;
+    }
+  }
+}
+
+void MechanicsSystem::add_bulk(Vec nodal_free, std::span<double> rows) const {
+  // A u = P u - sum_K C_K u with the blocks that P holds: no second matrix.
+  POLYSLIP_PETSC(MatMult(matrix_->get(), nodal_free, nodal_out_));
+  {
+    const VecRead product(nodal_out_);
+    for (Index i = 0; i < layout_.nodal_size(); ++i)
+      if (!fixed()[i]) rows[i] += product[i];
+  }
+  if (content_ != MatrixContent::bulk) add_blocks(work_.nodal, rows, false, -1.0);
+}
+
+void MechanicsSystem::momentum_action(Vec y, Vec r) const { momentum_rows(y, {}, r); }
+
+void MechanicsSystem::momentum_rows(Vec y, std::span<const double> fracture_pressure, Vec r) const {
+  layout_.gather(y, work_);
+  {
+    const VecWrite free(nodal_in_);
+    for (Index i = 0; i < layout_.nodal_size(); ++i) free[i] = fixed()[i] ? 0.0 : work_.nodal[i];
+  }
+  auto& rows = work2_;
+  std::fill(rows.nodal.begin(), rows.nodal.end(), 0.0);
+  std::fill(rows.bubble.begin(), rows.bubble.end(), 0.0);
+  std::fill(rows.multiplier.begin(), rows.multiplier.end(), 0.0);
+  add_bulk(nodal_in_, rows.nodal);
+  cells_.add_momentum(work_, fracture_pressure, rows.nodal, rows.bubble);
+  for (Index i = 0; i < layout_.nodal_size(); ++i)
+    if (fixed()[i]) rows.nodal[i] = work_.nodal[i];
+  layout_.scatter(rows, r);
+}
+
+void MechanicsSystem::residual(Vec x, Vec f) const {
+  momentum_rows(x, loads_.fracture_pressure, f);
+  const VecWrite rows(f);
+  for (Index i = 0; i < layout_.nodal_size(); ++i) rows[i] += fixed()[i] ? -loads_.dirichlet[i] : lift_[i] - loads_.nodal[i];
+  const int dim = layout_.dim();
+  for (Index face = 0; face < mesh_.fractures.owned; ++face) {
+    const Vec3 r = cells_.faces()[face].area * physics::contact_residual(law_of(face), point(face, work_), beta_of(face));
+    for (int a = 0; a < dim; ++a) {
+      rows[layout_.bubble_start() + dim * face + a] -= loads_.bubble[static_cast<std::size_t>(dim) * face + a];
+      rows[layout_.multiplier_start() + dim * face + a] = r[a];
+    }
+  }
+}
+
+ContactLine MechanicsSystem::contact_line(Vec x, Vec y) const {
+  ContactLine line;
+  layout_.gather(x, work_);
+  layout_.gather(y, work2_);
+  for (Index face = 0; face < mesh_.fractures.owned; ++face) {
+    line.at.push_back(point(face, work_));
+    line.direction.push_back(point(face, work2_));
+  }
+  return line;
+}
+
+namespace {
+ContactPoint along(const ContactLine& line, std::size_t face, double alpha) {
+  const ContactPoint &p = line.at[face], &d = line.direction[face];
+  return {p.lam - alpha * d.lam, p.jump - alpha * d.jump, p.previous};
+}
+}  // namespace
+
+double MechanicsSystem::contact_merit(const ContactLine& line, double alpha) const {
+  double squares = 0;
+  for (std::size_t face = 0; face < line.at.size(); ++face) {
+    const auto f = static_cast<Index>(face);
+    squares += std::pow(cells_.faces()[f].area, 2) * physics::contact_residual(law_of(f), along(line, face, alpha), beta_of(f)).squaredNorm();
+  }
+  return mpi::sum(mesh_.comm, squares);
+}
+
+void MechanicsSystem::set_contact_rows(const ContactLine& line, double alpha, Vec f) const {
+  const VecWrite rows(f);
+  const int dim = layout_.dim();
+  for (std::size_t face = 0; face < line.at.size(); ++face) {
+    const auto k = static_cast<Index>(face);
+    const Vec3 r = cells_.faces()[k].area * physics::contact_residual(law_of(k), along(line, face, alpha), beta_of(k));
+    for (int a = 0; a < dim; ++a) rows[layout_.multiplier_start() + dim * k + a] = r[a];
+  }
+}
+
+ResidualNorms MechanicsSystem::norms(Vec x, Vec f) const {
+  layout_.gather(x, work_);
+  const VecRead rows(f);
+  std::array<double, 3> squares{};
+  for (Index i = 0; i < layout_.multiplier_start(); ++i)
+    if (i >= layout_.nodal_size() || !fixed()[i]) squares[0] += rows[i] * rows[i];
+  for (Index face = 0; face < mesh_.fractures.owned; ++face) {
+    const ContactFace& contact = cells_.faces()[face];
+    const ContactPoint p = point(face, work_);
+    const double area2 = contact.area * contact.area;
+    squares[1] += area2 * physics::contact_residual(law_of(face), p, contact.stiffness).squaredNorm();
+    squares[2] += area2 * (p.lam.squaredNorm() + std::pow(contact.stiffness, 2) * p.jump.squaredNorm());
+  }
+  mpi::sum_in_place(mesh_.comm, squares);
+  const double contact_force = std::sqrt(squares[2]);
+  return {std::sqrt(squares[0]), std::max(load_scale_, contact_force), std::sqrt(squares[1]), std::max(contact_force, 1e-6 * load_scale_)};
+}
+
+std::vector<ContactState> MechanicsSystem::states(Vec x) const {
+  layout_.gather(x, work_);
+  std::vector<ContactState> states;
+  for (Index face = 0; face < mesh_.fractures.owned; ++face)
+    states.push_back(physics::contact_state(law_of(face), point(face, work_), beta_of(face)));
+  return states;
+}
+
+StateCounts MechanicsSystem::count(std::span<const ContactState> states) const {
+  StateCounts counts;
+  for (ContactState s : states) ++counts.faces[static_cast<std::size_t>(s)];
+  mpi::sum_in_place(mesh_.comm, counts.faces);
+  return counts;
+}
+
+void MechanicsSystem::linearise(Vec x, MatrixContent content) {
+  layout_.gather(x, work_);
+  const Index n = mesh_.fractures.local();
+  std::vector<ContactLinearisation> symmetric(static_cast<std::size_t>(n));
+  std::vector<char> differs(static_cast<std::size_t>(n), 0);
+  for (Index face = 0; face < n; ++face) {
+    if (cells_.faces()[face].cell < 0) continue;
+    law_[face] = linearise_contact(law_of(face), point(face, work_), beta_of(face));
+    symmetric[face] = law_[face];
+    if (law_[face].state != ContactState::slip || law_of(face).friction == 0) continue;
+    differs[face] = 1;
+    symmetric[face].d_lam.bottomRows<2>() << 0, 1, 0, 0, 0, 1;
+    symmetric[face].d_jump.bottomRows<2>().setZero();
+  }
+  cells_.condense(law_, symmetric, differs);
+  symmetric_everywhere_ = !mpi::any(mesh_.comm, cells_.any_difference());
+  matrix_is_exact_ = symmetric_everywhere_ || content == MatrixContent::exact;
+  write_contact_rows(content);
+}
+
+void MechanicsSystem::apply_condensed(Vec x, Vec y) const {
+  POLYSLIP_PETSC(MatMult(matrix_->get(), x, y));
+  if (matrix_is_exact_) return;
+  {
+    const VecRead a(x);
+    std::copy_n(a.data(), layout_.nodal_size(), work_.nodal.begin());
+  }
+  layout_.copy_halo().owner_to_ghost(work_.nodal, layout_.dim());
+  const VecWrite rows(y);
+  add_blocks(work_.nodal, {rows.data(), static_cast<std::size_t>(layout_.nodal_size())}, true, 1.0);
+}
+
+void MechanicsSystem::condense_residual(Vec f, Vec nodal) const {
+  layout_.gather(f, work_);
+  cells_.condense_residual(work_.bubble, work_.multiplier, work_.nodal);
+  const VecWrite rows(nodal);
+  for (Index i = 0; i < layout_.nodal_size(); ++i) rows[i] = fixed()[i] ? 0.0 : work_.nodal[i];
+}
+
+void MechanicsSystem::recover(Vec f, Vec nodal, Vec direction) const {
+  layout_.gather(f, work_);
+  {
+    const VecRead a(nodal);
+    for (Index i = 0; i < layout_.nodal_size(); ++i) work2_.nodal[i] = fixed()[i] ? 0.0 : a[i];
+  }
+  layout_.copy_halo().owner_to_ghost(work2_.nodal, layout_.dim());
+  cells_.recover(work_.bubble, work_.multiplier, work2_);
+  layout_.scatter(work2_, direction);
+}
+
+}  // namespace polyslip::assembly
