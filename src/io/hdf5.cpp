@@ -26,6 +26,9 @@ std::string reason() {
   return text;
 }
 
+/// A table of one column has one dimension.
+int dimensions(hsize_t columns) { return columns == 1 ? 1 : 2; }
+
 /// This rank's part of a table's space; nothing where it has no rows.
 void select_rows(hid_t space, const RowRange& rows, hsize_t columns) {
   const std::array<hsize_t, 2> start{rows.first, 0}, count{rows.count, columns};
@@ -38,7 +41,7 @@ void select_rows(hid_t space, const RowRange& rows, hsize_t columns) {
 
 H5Handle local_space(const RowRange& rows, hsize_t columns) {
   const std::array<hsize_t, 2> count{rows.count, columns};
-  H5Handle space(H5Screate_simple(2, count.data(), nullptr), H5Sclose);
+  H5Handle space(H5Screate_simple(dimensions(columns), count.data(), nullptr), H5Sclose);
   if (rows.count == 0) H5Sselect_none(space);
   return space;
 }
@@ -103,7 +106,7 @@ void H5File::write_table(const std::string& path, const RowRange& rows, int colu
   const std::array<hsize_t, 2> extent{rows.total, static_cast<hsize_t>(columns)};
   const H5Handle links(H5Pcreate(H5P_LINK_CREATE), H5Pclose);
   H5Pset_create_intermediate_group(links, 1);
-  const H5Handle space(H5Screate_simple(2, extent.data(), nullptr), H5Sclose);
+  const H5Handle space(H5Screate_simple(dimensions(extent[1]), extent.data(), nullptr), H5Sclose);
   const H5Handle table(H5Dcreate2(file_, path.c_str(), type, space, links, H5P_DEFAULT, H5P_DEFAULT), H5Dclose);
   if (table < 0) refuse("create the table " + path);
   select_rows(space, rows, extent[1]);
@@ -129,7 +132,9 @@ std::pair<hsize_t, int> H5File::shape(const std::string& path) const {
   const H5Handle table(H5Dopen2(file_, path.c_str(), H5P_DEFAULT), H5Dclose);
   if (table < 0) refuse("open the table " + path);
   const H5Handle space(H5Dget_space(table), H5Sclose);
-  if (H5Sget_simple_extent_ndims(space) != 2) refuse("read " + path + " as a table: it has no rows and columns");
+  if (const int n = H5Sget_simple_extent_ndims(space); n != 1 && n != 2) {
+    refuse(fmt::format("read {} as a table: it has {} dimensions", path, n));
+  }
   H5Sget_simple_extent_dims(space, extent.data(), nullptr);
   return {extent[0], static_cast<int>(extent[1])};
 }

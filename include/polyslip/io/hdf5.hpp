@@ -65,7 +65,8 @@ class H5File {
   void write_attribute(const std::string& path, const std::string& name, double value);
   [[nodiscard]] double read_attribute(const std::string& path, const std::string& name) const;
 
-  /// Table `path` of rows.total x columns; this rank gives rows.count * columns values, row by row. Groups on the way are made.
+  /// Table `path` of rows.total x columns (one dimension for one column, which ParaView 5.11 insists on); this rank gives
+  /// rows.count * columns values, row by row. Groups on the way are made.
   void write(const std::string& path, const RowRange& rows, int columns, std::span<const double> values);
   void write(const std::string& path, const RowRange& rows, int columns, std::span<const std::int32_t> values);
   /// Hands everything to the system. Call before the file goes: a destructor cannot report a full disk.
