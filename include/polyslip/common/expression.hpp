@@ -12,10 +12,10 @@ namespace polyslip {
 
 /// Where and when a function is evaluated. The last two have a meaning on fracture faces only.
 struct EvalPoint {
-  Vec3 x = Vec3::Zero();         ///< [m]: names x, y, z
-  double t = 0;                  ///< [s]: name t
-  double tip_distance = 0;       ///< Distance to the nearest tip of the fracture [m]: name tip_distance
-  double fracture_length = 0;    ///< Length (2D) or square root of the area (3D) of the fracture [m]: name fracture_length
+  Vec3 x = Vec3::Zero();       ///< [m]: names x, y, z
+  double t = 0;                ///< [s]: name t
+  double tip_distance = 0;     ///< Distance to the nearest tip of the fracture [m]: name tip_distance
+  double fracture_length = 0;  ///< Length (2D) or square root of the area (3D) of the fracture [m]: name fracture_length
 };
 
 /// Named numbers and expressions that other expressions may use, in order: each may use those before it. Names are distinct
@@ -38,8 +38,9 @@ class Expression {
   double operator()(const EvalPoint& at) const;
 
   [[nodiscard]] bool is_constant() const;
-  [[nodiscard]] bool depends_on_time() const;  ///< Through definitions too.
-  [[nodiscard]] bool is_zero() const;          ///< A constant equal to 0.
+  [[nodiscard]] bool depends_on_time() const;      ///< Through definitions too.
+  [[nodiscard]] bool depends_on_fracture() const;  ///< On tip_distance or fracture_length, through definitions too.
+  [[nodiscard]] bool is_zero() const;              ///< A constant equal to 0.
   [[nodiscard]] const std::string& text() const;
 
  private:

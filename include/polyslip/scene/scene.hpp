@@ -16,9 +16,10 @@ namespace polyslip::scene {
 /// Where the mesh comes from: exactly one of `box` and `file`.
 struct MeshSource {
   std::optional<mesh::BoxSpec> box;
-  std::filesystem::path file;   ///< Absolute; empty for a box.
-  std::filesystem::path write;  ///< The mesh is also written here in the native format; relative to the output folder; empty for none.
-  std::string place;            ///< For messages: "scene.yaml:7 (mesh.file)".
+  std::filesystem::path file;  ///< Absolute; empty for a box.
+  std::filesystem::path
+      write;          ///< The mesh is also written here in the native format; relative to the output folder; empty for none.
+  std::string place;  ///< For messages: "scene.yaml:7 (mesh.file)".
 };
 
 /// A named point at which history.csv records the displacement.
@@ -53,7 +54,8 @@ struct Scene {
 /// Throws InputError naming file:line and key (or the -set argument), the value met and the remedy.
 Scene load_scene(const std::filesystem::path& file, const std::vector<std::string>& overrides = {});
 
-/// The same from text already read (the ranks of a parallel run parse what rank 0 has read); `file` places messages and relative paths.
+/// The same from text already read (the ranks of a parallel run parse what rank 0 has read); `file` places messages and relative
+/// paths.
 Scene parse_scene(const std::string& text, const std::filesystem::path& file, const std::vector<std::string>& overrides = {});
 
 /// Checks what only the mesh can tell: dimension, tags, groups, regions, fractures, probes. Call on the serial mesh, on one rank,

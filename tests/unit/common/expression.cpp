@@ -69,6 +69,8 @@ TEST(expressions, are_constant_unless_they_use_position_or_time) {
   EXPECT_FALSE(Expression("r", definitions, place).depends_on_time());
   EXPECT_TRUE(Expression("1 + load", definitions, place).depends_on_time());
   EXPECT_TRUE(Expression("t", definitions, place).depends_on_time());
+  EXPECT_TRUE(Expression("near", {{{"near", "tip_distance < 1"}}}, place).depends_on_fracture());
+  EXPECT_FALSE(Expression("load + r", definitions, place).depends_on_fracture());
   EXPECT_TRUE(Expression("n - 20", definitions, place).is_zero());
   EXPECT_FALSE(Expression("x - x", definitions, place).is_zero());
   EXPECT_TRUE(Expression().is_zero());
@@ -143,8 +145,19 @@ TEST(refusals, of_values_that_are_not_finite_name_point_and_time) {
 }
 
 TEST(refusals, survive_junk) {
-  const std::string junk[] = {std::string(5000, '('), "\xff\xfe\x80", std::string("x\0y", 3), "((((1))))))", "\"a", "'x'", "x..y",
-                              "1e", "?:", "===", "x[0]", "${HOME}", std::string(20000, 'x')};
+  const std::string junk[] = {std::string(5000, '('),
+                              "\xff\xfe\x80",
+                              std::string("x\0y", 3),
+                              "((((1))))))",
+                              "\"a",
+                              "'x'",
+                              "x..y",
+                              "1e",
+                              "?:",
+                              "===",
+                              "x[0]",
+                              "${HOME}",
+                              std::string(20000, 'x')};
   for (const std::string& text : junk) EXPECT_NE(refusal(text), "") << text.substr(0, 20);
   std::string sum = "x";
   for (int i = 0; i < 500; ++i) sum += "+x";

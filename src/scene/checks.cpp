@@ -1,0 +1,275 @@
+#include "polyslip/scene/checks.hpp"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <map>
+
+#include "polyslip/common/error.hpp"
+#include "polyslip/common/suggest.hpp"
+
+namespace polyslip::scene {
+
+namespace {
+
+[[noreturn]] void refuse(const Cursor& at, const std::string& what, const std::string& remedy) {
+  throw InputError(what, at.where(), remedy);
+}
+
+bool is_native(const Cursor& file) { return file.text().ends_with(".h5"); }
+
+void check_unique(const std::vector<Cursor>& entries, const std::string& key) {
+  std::map<std::string, std::string> seen;
+  for (const Cursor& entry : entries) {
+    const auto [first, is_new] = seen.emplace(entry[key].text(), entry[key].where());
+    if (!is_new)
+      refuse(entry[key], fmt::format("the name \"{}\" is already taken at {}", first->first, first->second), "Choose another");
+  }
+}
+
+// Mesh
+
+void check_axis(const Cursor& box, std::size_t axis) {
+  const Cursor low = box["min"].entries()[axis], high = box["max"].entries()[axis];
+  if (low.number() >= high.number())
+    refuse(high, fmt::format("the box ends at {} where it starts at {}", high.number(), low.number()), "Make max larger than min");
+  const Cursor grading = box["grading"][std::string(1, "xyz"[axis])];
+  if (!grading) return;
+  const Cursor from = grading["core"].entries()[0], to = grading["core"].entries()[1];
+  if (!(low.number() <= from.number() && from.number() < to.number() && to.number() <= high.number()))
+    refuse(grading["core"],
+           fmt::format("the core [{}, {}] is not an interval inside [{}, {}]", from.number(), to.number(), low.number(),
+                       high.number()),
+           "Give its ends in order, inside the box");
+  if (grading["size"].number() > to.number() - from.number())
+    refuse(grading["size"],
+           fmt::format("cells of {} do not fit into the core of {}", grading["size"].number(), to.number() - from.number()),
+           "Give a smaller size");
+}
+
+void check_box(const Cursor& box) {
+  const std::size_t dim = box["min"].entries().size();
+  for (std::size_t axis = 0; axis < dim; ++axis) check_axis(box, axis);
+  if (dim == 2 && box["grading"]["z"]) refuse(box["grading"]["z"], "there is no z axis in 2D", "Grade x and y");
+  if (!box["cells"])
+    refuse(box["cells"], "the key \"mesh.box.cells\" is missing", "Give the counts along the axes; only graded axes need none");
+  double cells = 1;
+  for (const Cursor& count : box["cells"].entries()) cells *= count.number();
+  if (cells >= std::numeric_limits<Index>::max())
+    refuse(box["cells"], fmt::format("{:.3g} cells are more than cell numbers can count", cells), "Give fewer");
+  const std::string shape = box["shape"].text();
+  const bool planar = shape == "quads" || shape == "triangles" || shape == "polygons";
+  if (planar != (dim == 2))
+    refuse(box["shape"], fmt::format("{} do not mesh a box in {}D", shape, dim),
+           dim == 2 ? "In 2D there are quads, triangles and polygons"
+                    : "In 3D there are hexahedra, tets, prisms, polyhedra, warped and cut");
+}
+
+void check_mesh(const Cursor& mesh) {
+  const Cursor box = mesh["box"], file = mesh["file"];
+  if (box && file) refuse(file, "both mesh.box and mesh.file are given", "Remove one (-set mesh.box=null or -set mesh.file=null)");
+  if (!box && !file) refuse(mesh, "there is neither mesh.box nor mesh.file", "Give one");
+  if (box) check_box(box);
+}
+
+// Fractures and contact
+
+void check_points(const Cursor& fracture, std::size_t least) {
+  const std::vector<Cursor> points = fracture["points"].entries();
+  if (points.size() < least)
+    refuse(fracture["points"], fmt::format("{} corners", points.size()), "Give a polygon of three or more");
+  for (std::size_t i = 1; i < points.size(); ++i)
+    if (points[i].point() == points[i - 1].point()) refuse(points[i], "the point is the same as the one before", "Remove one");
+}
+
+void check_fractures(const Cursor& root) {
+  const std::vector<Cursor> fractures = root["fractures"].entries();
+  check_unique(fractures, "name");
+  for (const Cursor& fracture : fractures) {
+    const Cursor points = fracture["points"], group = fracture["group"];
+    if (points && group) refuse(group, "both points and group are given", "Remove one");
+    if (!points && !group) refuse(fracture, "the fracture has neither points nor group", "Give one");
+    if (group && root["mesh"]["box"]) refuse(group, "a box has no physical groups", "Give the fracture by points");
+    if (points) check_points(fracture, points.entries()[0].entries().size());
+  }
+}
+
+void check_law(const Cursor& rule, const std::string& law) {
+  if (law == "frictionless" && rule["friction"])
+    refuse(rule["friction"], "a frictionless fracture has no friction", "Remove the key, or choose the law tresca or coulomb");
+}
+
+void check_contact_entry(const Cursor& entry, const Cursor& contact) {
+  const std::string common = contact["law"].text(), law = entry["law"] ? entry["law"].text() : common;
+  check_law(entry, law);
+  const bool inherits = contact["friction"] && law == common;  // A coefficient is not a bound.
+  if (law != "frictionless" && !entry["friction"] && !inherits)
+    refuse(entry["friction"], fmt::format("the key \"{}\" is missing", entry["friction"].path()),
+           law == "coulomb" ? "Give the friction coefficient" : "Give the friction bound [Pa]");
+}
+
+void check_contact(const Cursor& root) {
+  const Cursor contact = root["contact"];
+  if (!contact) return;
+  const std::vector<Cursor> fractures = root["fractures"].entries(), entries = contact["fractures"].entries();
+  if (fractures.empty() && !is_native(root["mesh"]["file"]))
+    refuse(contact, "there is a section contact but no fracture", "Remove the section, or give fractures");
+  check_unique(entries, "name");
+  check_law(contact, contact["law"].text());
+  for (const Cursor& entry : entries) check_contact_entry(entry, contact);
+  const bool all_have_their_own = !fractures.empty() && std::ranges::all_of(fractures, [&](const Cursor& fracture) {
+    return std::ranges::any_of(entries, [&](const Cursor& entry) { return entry["name"].text() == fracture["name"].text(); });
+  });
+  if (contact["law"].text() != "frictionless" && !contact["friction"] && !all_have_their_own)
+    refuse(contact["friction"], "the key \"contact.friction\" is missing",
+           contact["law"].text() == "coulomb" ? "Give the friction coefficient, or set contact.law: frictionless"
+                                              : "Give the friction bound [Pa], or set contact.law: frictionless");
+}
+
+// Rock
+
+void check_material(const Cursor& rule) {
+  const bool young = rule["young"] && rule["poisson"], lame = rule["lame_mu"] && rule["lame_lambda"];
+  const auto given = std::ranges::count_if(std::array{"young", "poisson", "lame_mu", "lame_lambda"},
+                                           [&](const char* key) { return bool(rule[key]); });
+  if (given != 2 || (!young && !lame))
+    refuse(rule, "the moduli are not a pair", "Give young and poisson, or lame_mu and lame_lambda");
+  if (!lame) return;
+  const Expression mu = rule["lame_mu"].expression(), lambda = rule["lame_lambda"].expression();
+  if (mu.is_constant() && lambda.is_constant() && lambda({}) <= -2.0 / 3.0 * mu({}))
+    refuse(rule["lame_lambda"], fmt::format("lambda = {} makes the bulk modulus negative", lambda({})),
+           "It must be > -2/3 lame_mu");
+}
+
+void check_boundary_rule(const Cursor& rule) {
+  const auto displacement = rule["displacement"].optional_expressions(), traction = rule["traction"].optional_expressions();
+  const auto given = [](const std::optional<Expression>& component) { return component.has_value(); };
+  if (rule["pressure"] && (rule["displacement"] || rule["traction"]))
+    refuse(rule["pressure"], "pressure stands beside displacement or traction", "Give it a rule of its own");
+  if (!rule["pressure"] && std::ranges::none_of(displacement, given) && std::ranges::none_of(traction, given))
+    refuse(rule, "the rule gives nothing", "Give a component of displacement or traction, or pressure");
+  for (std::size_t i = 0; i < 3; ++i)
+    if (displacement[i] && traction[i])
+      refuse(rule["traction"], fmt::format("displacement and traction both give component {}", "xyz"[i]),
+             "Write null for one of them");
+}
+
+void check_held(const Cursor& root) {
+  const std::vector<Cursor> rules = root["mechanics"]["boundary"].entries();
+  std::array<bool, 3> held{};
+  std::size_t dim = 2;
+  for (const Cursor& rule : rules) {
+    const auto displacement = rule["displacement"].optional_expressions();
+    for (std::size_t i = 0; i < 3; ++i) held[i] = held[i] || displacement[i].has_value();
+    dim = std::max({dim, rule["displacement"].entries().size(), rule["traction"].entries().size()});
+  }
+  if (root["mesh"]["box"]) dim = root["mesh"]["box"]["min"].entries().size();
+  for (std::size_t i = 0; i < dim; ++i)
+    if (!held[i])
+      refuse(root["mechanics"]["boundary"],
+             fmt::format("no side has its displacement in {} given: the body is free to move", "xyz"[i]),
+             "Give that component of displacement on at least one side");
+}
+
+void check_time(const Cursor& time) {
+  if (time["end"].number() <= time["start"].number())
+    refuse(time["end"], fmt::format("the run ends at {} s where it starts at {} s", time["end"].number(), time["start"].number()),
+           "Make time.end larger than time.start");
+}
+
+}  // namespace
+
+void check_document(const Cursor& root) {
+  check_mesh(root["mesh"]);
+  check_fractures(root);
+  for (const Cursor& rule : root["materials"].entries()) check_material(rule);
+  for (const Cursor& rule : root["mechanics"]["boundary"].entries()) check_boundary_rule(rule);
+  check_held(root);
+  check_contact(root);
+  check_time(root["time"]);
+  check_unique(root["output"]["probes"].entries(), "name");
+}
+
+MeshNames names_of(const mesh::BoxSpec& box) {
+  MeshNames names{.dim = box.dim,
+                  .tags = {"left", "right", "bottom", "top"},
+                  .regions = {"rock"},
+                  .fractures = {},
+                  .low = Vec3::Zero(),
+                  .high = Vec3::Zero()};
+  if (box.dim == 3) names.tags.insert(names.tags.end(), {"front", "back"});
+  for (int i = 0; i < box.dim; ++i) {
+    names.low[i] = box.min[static_cast<std::size_t>(i)];
+    names.high[i] = box.max[static_cast<std::size_t>(i)];
+  }
+  return names;
+}
+
+namespace {
+
+void check_known(const std::string& what, const std::string& name, const std::vector<std::string>& known,
+                 const std::string& place) {
+  if (std::ranges::find(known, name) == known.end())
+    throw InputError(fmt::format("the mesh has no {} \"{}\"", what, name), place, did_you_mean(name, known));
+}
+
+void check_contact_names(const Scene& scene, const MeshNames& mesh) {
+  std::vector<std::string> fractures = mesh.fractures;
+  for (const auto& fracture : scene.fractures) fractures.push_back(fracture.name);
+  const auto& rules = scene.mechanics.contact;
+  if (fractures.empty() && !rules.empty())
+    throw InputError("there is a section contact but the mesh has no fracture", rules.front().place,
+                     "Remove the section, or give fractures");
+  if (!fractures.empty() && rules.empty())
+    throw InputError("the key \"contact.friction\" is missing, and the mesh has fractures", scene.mesh.place,
+                     "Give the friction coefficient, or set contact.law: frictionless");
+  for (const auto& rule : rules)
+    if (!rule.fracture.empty() && std::ranges::find(fractures, rule.fracture) == fractures.end())
+      throw InputError(fmt::format("there is no fracture \"{}\"", rule.fracture), rule.place,
+                       did_you_mean(rule.fracture, fractures));
+}
+
+void check_probe(const Probe& probe, const MeshNames& mesh) {
+  const Vec3 slack = Vec3::Constant(1e-9 * (mesh.high - mesh.low).norm());
+  const bool inside = ((probe.at - mesh.low + slack).array() >= 0).all() && ((mesh.high - probe.at + slack).array() >= 0).all();
+  if (!inside)
+    throw InputError(fmt::format("the probe at ({}, {}, {}) lies outside the mesh", probe.at[0], probe.at[1], probe.at[2]),
+                     probe.place,
+                     fmt::format("Choose a point between ({}, {}, {}) and ({}, {}, {})", mesh.low[0], mesh.low[1], mesh.low[2],
+                                 mesh.high[0], mesh.high[1], mesh.high[2]));
+}
+
+}  // namespace
+
+void check_names(const Scene& scene, const MeshNames& mesh) {
+  if (scene.dim != 0 && scene.dim != mesh.dim)
+    throw InputError(fmt::format("the mesh is {}D and the scene {}D", mesh.dim, scene.dim), scene.dim_place,
+                     fmt::format("Give {} components, or another mesh", mesh.dim));
+  for (const auto& rule : scene.mechanics.boundary)
+    if (rule.tag != "all") check_known("side or group", rule.tag, mesh.tags, rule.place);
+  for (const auto& rule : scene.mechanics.materials)
+    if (!rule.region.empty()) check_known("region", rule.region, mesh.regions, rule.place);
+  for (const auto& fracture : scene.fractures)
+    if (!fracture.group.empty()) check_known("group", fracture.group, mesh.tags, fracture.where);
+  check_contact_names(scene, mesh);
+  for (const Probe& probe : scene.output.probes) check_probe(probe, mesh);
+}
+
+void check_against_mesh(const Scene& scene, const mesh::PolyMesh& mesh) {
+  MeshNames names{.dim = mesh.dim,
+                  .tags = mesh.tag_names,
+                  .regions = mesh.region_names,
+                  .fractures = mesh.fracture_names,
+                  .low = Vec3::Zero(),
+                  .high = Vec3::Zero()};
+  if (!mesh.nodes.empty()) names.low = names.high = mesh.nodes.front();
+  for (const Vec3& node : mesh.nodes) {
+    names.low = names.low.cwiseMin(node);
+    names.high = names.high.cwiseMax(node);
+  }
+  check_names(scene, names);
+}
+
+}  // namespace polyslip::scene
