@@ -1,0 +1,19 @@
+// One reader a file format; read_mesh (readers.hpp) chooses.
+#pragma once
+
+#include <filesystem>
+
+#include "polyslip/mesh/poly_mesh.hpp"
+
+namespace polyslip::mesh {
+
+/// Gmsh msh 2.2, 4.0 or 4.1, text or binary, first order: triangles and quadrilaterals (in the plane z = 0), or tetrahedra,
+/// hexahedra, prisms and pyramids, mixed or not. The first physical group of an element of the highest dimension is the region of
+/// its cell, that of an element one dimension lower the tag of its face, inside or on the boundary. Groups without a name are
+/// called "dim:number".
+PolyMesh read_gmsh(const std::filesystem::path& file);
+
+/// The native format, as write_native leaves it.
+PolyMesh read_native(const std::filesystem::path& file);
+
+}  // namespace polyslip::mesh
