@@ -8,6 +8,7 @@
 #include <utility>
 
 #include "polyslip/common/error.hpp"
+#include "polyslip/mesh/face_tools.hpp"
 
 namespace polyslip::mesh {
 namespace {
@@ -82,8 +83,8 @@ PolyMesh MeshBuilder::build() {
   return mesh;
 }
 
-/// For each row the first row of a cell with the same set of nodes, -1 if there is none. Rows are sorted by their smallest node first (a
-/// counting sort), the few rows that share it by the rest.
+/// For each row the first row of a cell with the same set of nodes, -1 if there is none. Rows are sorted by their smallest node
+/// first (a counting sort), the few rows that share it by the rest.
 std::vector<Index> MeshBuilder::first_equal_rows() const {
   Csr sorted = rows_;
   std::vector<Index> bucket(nodes_.size() + 1, 0);
@@ -169,12 +170,6 @@ void MeshBuilder::drop_unused_nodes(PolyMesh& mesh) {
 void MeshBuilder::fail(const std::string& what, Index row, const std::string& remedy) const {
   const std::string of_cell = owner_[row] < 0 ? "" : fmt::format(" of cell {}", owner_[row]);
   throw InputError(fmt::format("the face{} with nodes {} {}", of_cell, fmt::join(rows_[row], " "), what), where_, remedy);
-}
-
-Vec3 node_average(const PolyMesh& mesh, Index face) {
-  Vec3 sum = Vec3::Zero();
-  for (const Index s : mesh.face_nodes[face]) sum += mesh.nodes[s];
-  return sum / static_cast<double>(mesh.face_nodes.row_size(face));
 }
 
 void tag_boundary(PolyMesh& mesh, const std::string& tag, const std::function<bool(const Vec3&)>& inside) {

@@ -20,7 +20,8 @@ const std::vector<std::string> kShapes3d{"hexahedra", "tets", "prisms", "polyhed
 
 void check_shape(const BoxSpec& spec) {
   if (spec.dim != 2 && spec.dim != 3) {
-    throw InputError(fmt::format("dimension {} is neither 2 nor 3", spec.dim), spec.where, "Give min and max two or three numbers each");
+    throw InputError(fmt::format("dimension {} is neither 2 nor 3", spec.dim), spec.where,
+                     "Give min and max two or three numbers each");
   }
   const auto& shapes = spec.dim == 2 ? kShapes2d : kShapes3d;
   if (std::find(shapes.begin(), shapes.end(), spec.shape) == shapes.end()) {
@@ -33,7 +34,8 @@ void check_shape(const BoxSpec& spec) {
   }
 }
 
-/// Sizes that grow from `grading.size` by `grading.growth` a cell until they fill `length`, scaled to fill it exactly; none for no length.
+/// Sizes that grow from `grading.size` by `grading.growth` a cell until they fill `length`, scaled to fill it exactly; none for no
+/// length.
 std::vector<double> growing_sizes(const AxisGrading& grading, double length) {
   std::vector<double> sizes;
   if (length <= 1e-12 * (grading.to - grading.from)) return sizes;
@@ -48,15 +50,18 @@ std::vector<double> growing_sizes(const AxisGrading& grading, double length) {
 
 void check_grading(const AxisGrading& grading, double min, double max, const std::string& where) {
   if (!(grading.from >= min && grading.from < grading.to && grading.to <= max)) {
-    throw InputError(fmt::format("the finest part [{:g}, {:g}] is empty or leaves the box side [{:g}, {:g}]", grading.from, grading.to, min, max),
+    throw InputError(fmt::format("the finest part [{:g}, {:g}] is empty or leaves the box side [{:g}, {:g}]", grading.from,
+                                 grading.to, min, max),
                      where, "Choose min <= from < to <= max");
   }
   if (!(grading.size > 0.0 && grading.size <= 2.0 * (grading.to - grading.from))) {
-    throw InputError(fmt::format("size {:g} is not positive or too large for the finest part [{:g}, {:g}]", grading.size, grading.from, grading.to),
+    throw InputError(fmt::format("size {:g} is not positive or too large for the finest part [{:g}, {:g}]", grading.size,
+                                 grading.from, grading.to),
                      where, "Choose a size that divides to - from");
   }
   if (!(grading.growth >= 1.001 && grading.growth <= 10.0)) {
-    throw InputError(fmt::format("growth {:g} is not between 1.001 and 10", grading.growth), where, "Usual factors are 1.05 to 1.3");
+    throw InputError(fmt::format("growth {:g} is not between 1.001 and 10", grading.growth), where,
+                     "Usual factors are 1.05 to 1.3");
   }
 }
 
@@ -77,14 +82,16 @@ std::vector<double> graded_planes(const AxisGrading& grading, double min, double
 std::vector<double> planes_of_axis(const BoxSpec& spec, int axis) {
   const double min = spec.min[axis], max = spec.max[axis];
   if (!(std::isfinite(min) && std::isfinite(max) && min < max)) {
-    throw InputError(fmt::format("the box reaches from {:g} to {:g} along {}", min, max, kAxisNames[axis]), spec.where, "Choose min below max");
+    throw InputError(fmt::format("the box reaches from {:g} to {:g} along {}", min, max, kAxisNames[axis]), spec.where,
+                     "Choose min below max");
   }
   if (const auto& grading = spec.grading[axis]) {
     check_grading(*grading, min, max, fmt::format("{}.grading.{}", spec.where, kAxisNames[axis]));
     return graded_planes(*grading, min, max);
   }
   const Index n = spec.cells[axis];
-  if (n < 1) throw InputError(fmt::format("{} cells along {}", n, kAxisNames[axis]), spec.where + ".cells", "Give one cell or more");
+  if (n < 1)
+    throw InputError(fmt::format("{} cells along {}", n, kAxisNames[axis]), spec.where + ".cells", "Give one cell or more");
   std::vector<double> planes(n + 1);
   for (Index i = 0; i <= n; ++i) planes[i] = (min * (n - i) + max * i) / n;  // exact at both sides and, in a symmetric box, at 0
   return planes;
@@ -92,18 +99,18 @@ std::vector<double> planes_of_axis(const BoxSpec& spec, int axis) {
 
 void fix_plane(BoxLattice& lattice, const BoxSpec& spec, int axis, double coordinate) {
   auto& planes = lattice.at[axis];
-  const auto nearest = std::min_element(planes.begin(), planes.end(), [&](double a, double b) {
-    return std::abs(a - coordinate) < std::abs(b - coordinate);
-  });
+  const auto nearest = std::min_element(planes.begin(), planes.end(),
+                                        [&](double a, double b) { return std::abs(a - coordinate) < std::abs(b - coordinate); });
   const auto i = static_cast<std::size_t>(nearest - planes.begin());
   const double spacing = std::min(i > 0 ? planes[i] - planes[i - 1] : std::numeric_limits<double>::infinity(),
                                   i + 1 < planes.size() ? planes[i + 1] - planes[i] : std::numeric_limits<double>::infinity());
   if (std::abs(*nearest - coordinate) > 1e-6 * spacing) {
-    throw InputError(fmt::format("the plane {} = {:g} of a fracture runs through cells; the nearest mesh plane is {} = {:g}", kAxisNames[axis],
-                                 coordinate, kAxisNames[axis], *nearest),
-                     spec.where + (spec.grading[axis] ? ".grading" : ".cells"),
-                     fmt::format("Change the number of cells along {} (now {}) or the box so that a mesh plane falls on the fracture",
-                                 kAxisNames[axis], planes.size() - 1));
+    throw InputError(
+        fmt::format("the plane {} = {:g} of a fracture runs through cells; the nearest mesh plane is {} = {:g}", kAxisNames[axis],
+                    coordinate, kAxisNames[axis], *nearest),
+        spec.where + (spec.grading[axis] ? ".grading" : ".cells"),
+        fmt::format("Change the number of cells along {} (now {}) or the box so that a mesh plane falls on the fracture",
+                    kAxisNames[axis], planes.size() - 1));
   }
   lattice.fixed[axis][i] = true;
 }
@@ -119,7 +126,8 @@ BoxLattice make_lattice(const BoxSpec& spec) {
   }
   // A tetrahedral mesh lists 72 face nodes a cube: the first array to outgrow an Index.
   if (n_cells > std::numeric_limits<Index>::max() / 72.0) {
-    throw InputError(fmt::format("{:g} cells are more than one process can number", n_cells), spec.where + ".cells", "Choose fewer cells");
+    throw InputError(fmt::format("{:g} cells are more than one process can number", n_cells), spec.where + ".cells",
+                     "Choose fewer cells");
   }
   for (int axis = 0; axis < 3; ++axis) lattice.fixed[axis].assign(lattice.at[axis].size(), false);
   for (int axis = 0; axis < spec.dim; ++axis) lattice.fixed[axis].front() = lattice.fixed[axis].back() = true;
@@ -128,8 +136,9 @@ BoxLattice make_lattice(const BoxSpec& spec) {
 }
 
 void tag_sides(PolyMesh& mesh, const BoxLattice& lattice, const std::string& where) {
-  const std::vector<std::string> sides = lattice.dim == 2 ? std::vector<std::string>{"left", "right", "bottom", "top"}
-                                                          : std::vector<std::string>{"left", "right", "front", "back", "bottom", "top"};
+  const std::vector<std::string> sides = lattice.dim == 2
+                                             ? std::vector<std::string>{"left", "right", "bottom", "top"}
+                                             : std::vector<std::string>{"left", "right", "front", "back", "bottom", "top"};
   for (int side = 0; side < 2 * lattice.dim; ++side) {
     const int axis = side / 2;
     const double at = side % 2 == 0 ? lattice.at[axis].front() : lattice.at[axis].back();

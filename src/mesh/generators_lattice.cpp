@@ -30,10 +30,12 @@ std::size_t lattice_face(const BoxLattice& lattice, const Place& p, int axis, st
   return 4;
 }
 
-/// Numbers the faces of the small boxes directly: each box brings its lower face along each axis, the last ones also their upper faces.
+/// Numbers the faces of the small boxes directly: each box brings its lower face along each axis, the last ones also their upper
+/// faces.
 class CuboidMesher {
  public:
-  explicit CuboidMesher(const BoxLattice& lattice) : lattice_(lattice), stride_{1, lattice.cells(0), lattice.cells(0) * lattice.cells(1)} {
+  explicit CuboidMesher(const BoxLattice& lattice)
+      : lattice_(lattice), stride_{1, lattice.cells(0), lattice.cells(0) * lattice.cells(1)} {
     mesh_.dim = lattice.dim;
     mesh_.nodes = lattice.nodes();
     first_face_.reserve(lattice.n_cells());
@@ -181,7 +183,8 @@ void shake_nodes(PolyMesh& mesh, const BoxLattice& lattice, double shake, std::u
         double smallest = spacing[0][p[0]];
         for (int axis = 1; axis < lattice.dim; ++axis) smallest = std::min(smallest, spacing[axis][p[axis]]);
         for (int axis = 0; axis < lattice.dim; ++axis) {
-          const double move = shake * smallest * dice.roll();  // rolled for fixed nodes too: the others' moves do not depend on kept planes
+          const double move =
+              shake * smallest * dice.roll();  // rolled for fixed nodes too: the others' moves do not depend on kept planes
           if (!lattice.fixed[axis][p[axis]]) mesh.nodes[node][axis] += move;
         }
       }

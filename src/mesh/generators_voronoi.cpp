@@ -1,8 +1,9 @@
 // Voronoi polygons and polyhedra of a shaken lattice of seeds, by the voro++ library.
 //
-// Kept planes: where the two layers of seeds beside a plane mirror each other, the plane is the bisector of every mirror pair, so cells
-// end on it and the faces of both sides coincide. A seed of the layer behind must not reach the plane: a point of the plane is at most
-// sqrt(d) (1/2 + shake) from the seed of its own small box and at least 3/2 - shake from the layer behind, hence the largest shake below.
+// Kept planes: where the two layers of seeds beside a plane mirror each other, the plane is the bisector of every mirror pair, so
+// cells end on it and the faces of both sides coincide. A seed of the layer behind must not reach the plane: a point of the plane
+// is at most sqrt(d) (1/2 + shake) from the seed of its own small box and at least 3/2 - shake from the layer behind, hence the
+// largest shake below.
 #include <fmt/format.h>
 
 #include <algorithm>
@@ -19,10 +20,11 @@ namespace {
 
 using Place = BoxLattice::Place;
 
-/// Vertices closer than this are one, in units of the spacing. voro++ decides with 1e-11, so its cells differ by a little more than that
-/// where more cells meet than must.
+/// Vertices closer than this are one, in units of the spacing. voro++ decides with 1e-11, so its cells differ by a little more than
+/// that where more cells meet than must.
 constexpr double kMergeDistance = 1e-9;
-constexpr double kSmallestShake = 1e-4;  ///< Below, faces are so thin that the merge distance tears cells (measured: 1e-12 to 1e-6).
+constexpr double kSmallestShake =
+    1e-4;                        ///< Below, faces are so thin that the merge distance tears cells (measured: 1e-12 to 1e-6).
 constexpr int kLowerWallZ = -5;  // voro++ numbers its walls -1 .. -6
 
 bool has_kept_plane(const BoxLattice& lattice) {
@@ -35,18 +37,19 @@ bool has_kept_plane(const BoxLattice& lattice) {
 void check(const BoxLattice& lattice, const BoxSpec& spec) {
   for (int axis = 0; axis < spec.dim; ++axis) {
     if (spec.grading[axis]) {
-      throw InputError(fmt::format("{} cannot be graded", spec.shape), spec.where + ".grading", "Remove the grading or choose another shape");
+      throw InputError(fmt::format("{} cannot be graded", spec.shape), spec.where + ".grading",
+                       "Remove the grading or choose another shape");
     }
   }
   if (spec.shake > 0.0 && spec.shake < kSmallestShake) {
-    throw InputError(fmt::format("{:g} moves the seeds too little to tell which Voronoi cells touch", spec.shake), spec.where + ".shake",
-                     fmt::format("Choose 0 or at least {:g}", kSmallestShake));
+    throw InputError(fmt::format("{:g} moves the seeds too little to tell which Voronoi cells touch", spec.shake),
+                     spec.where + ".shake", fmt::format("Choose 0 or at least {:g}", kSmallestShake));
   }
   const double root = std::sqrt(static_cast<double>(spec.dim));
   const double largest = (1.5 - 0.5 * root) / (1.0 + root);
   if (has_kept_plane(lattice) && spec.shake > largest) {
-    throw InputError(fmt::format("{:g} is too much for {} that keep the planes of fractures", spec.shake, spec.shape), spec.where + ".shake",
-                     fmt::format("Choose at most {:.2f}", std::floor(100.0 * largest) / 100.0));
+    throw InputError(fmt::format("{:g} is too much for {} that keep the planes of fractures", spec.shake, spec.shape),
+                     spec.where + ".shake", fmt::format("Choose at most {:.2f}", std::floor(100.0 * largest) / 100.0));
   }
 }
 
@@ -60,7 +63,8 @@ std::vector<Vec3> make_seeds(const BoxLattice& lattice, double shake, std::uint6
     for (int axis = 0; axis < lattice.dim; ++axis) x[axis] += shake * dice.roll();
     seeds.push_back(x);
   });
-  // Ascending along each axis, so that a chain of neighbouring planes mirrors on and on; mirroring about a later axis keeps earlier mirrors.
+  // Ascending along each axis, so that a chain of neighbouring planes mirrors on and on; mirroring about a later axis keeps earlier
+  // mirrors.
   const std::array stride{1, lattice.cells(0), lattice.cells(0) * lattice.cells(1)};
   for (int axis = 0; axis < lattice.dim; ++axis) {
     Index cell = 0;
@@ -107,7 +111,8 @@ LooseCells voronoi_cells(const BoxLattice& lattice, const std::vector<Vec3>& see
   const auto blocks = [&](int axis) { return std::max(1, n[axis] / 2); };  // about eight seeds each
   voro::container container(0, n[0], 0, n[1], 0, n[2], blocks(0), blocks(1), blocks(2), false, false, false, 8);
   voro::particle_order order(lattice.n_cells());
-  for (std::size_t i = 0; i < seeds.size(); ++i) container.put(order, static_cast<int>(i), seeds[i].x(), seeds[i].y(), seeds[i].z());
+  for (std::size_t i = 0; i < seeds.size(); ++i)
+    container.put(order, static_cast<int>(i), seeds[i].x(), seeds[i].y(), seeds[i].z());
 
   LooseCells loose;
   voro::c_loop_order loop(container, order);
@@ -156,7 +161,8 @@ Vec3 to_box(const BoxLattice& lattice, const Vec3& x) {
   return result;
 }
 
-/// The loop without vertices that repeat their predecessor (cyclically); faces thinner than the merge distance shrink to two nodes or fewer.
+/// The loop without vertices that repeat their predecessor (cyclically); faces thinner than the merge distance shrink to two nodes
+/// or fewer.
 void drop_repeated(std::vector<Index>& loop) {
   loop.erase(std::unique(loop.begin(), loop.end()), loop.end());
   while (loop.size() > 1 && loop.front() == loop.back()) loop.pop_back();
@@ -201,8 +207,9 @@ PolyMesh make_voronoi(const BoxLattice& lattice, const BoxSpec& spec) {
   try {
     return join_cells(lattice, loose, spec.where);
   } catch (const InputError& error) {
-    throw InputError(fmt::format("seed {} puts points almost on one sphere, where Voronoi cells are not unique ({})", spec.seed, error.what()),
-                     spec.where + ".seed", "Choose another seed of the random numbers");
+    throw InputError(
+        fmt::format("seed {} puts points almost on one sphere, where Voronoi cells are not unique ({})", spec.seed, error.what()),
+        spec.where + ".seed", "Choose another seed of the random numbers");
   }
 }
 

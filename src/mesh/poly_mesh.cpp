@@ -10,19 +10,10 @@
 #include <utility>
 
 #include "polyslip/common/error.hpp"
+#include "polyslip/mesh/face_tools.hpp"
 
 namespace polyslip::mesh {
 namespace {
-
-/// Where two faces of a cell meet: an edge (3D) or a node (2D; then both ends are that node). Two faces of a closed surface are turned alike
-/// exactly when they run along their joint in opposite directions; an edge of a polygon "leaves" its first and "enters" its second node.
-struct Joint {
-  Index low, high;
-  Index face;  ///< Place in the cell's list of faces.
-  bool forward;
-
-  [[nodiscard]] auto ends() const { return std::pair(low, high); }
-};
 
 /// Sets that know for each member whether it is turned like the representative of its set.
 class SignedSets {
@@ -57,7 +48,7 @@ class SignedSets {
   std::vector<char> turned_;
 };
 
-/// Turns the faces of one cell outwards: pairs its faces at their joints, then looks at the sign of the volume.
+/// Turns the faces of one cell outwards: pairs its faces at their rims, then looks at the sign of the volume.
 class CellOrienter {
  public:
   explicit CellOrienter(const PolyMesh& mesh) : mesh_(mesh) {}
@@ -65,7 +56,7 @@ class CellOrienter {
   /// One entry a face of the cell: true where face_nodes already gives the outward normal.
   const std::vector<char>& outward(Index cell) {
     const auto faces = mesh_.cell_faces[cell];
-    collect_joints(faces);
+    sort_rims(mesh_, faces, rims_);
     turn_alike(cell, static_cast<Index>(faces.size()));
     if (signed_volume(cell) < 0.0) {
       for (char& out : outward_) out = !out;
@@ -74,36 +65,14 @@ class CellOrienter {
   }
 
  private:
-  void collect_joints(std::span<const Index> faces) {
-    joints_.clear();
-    for (Index i = 0; i < static_cast<Index>(faces.size()); ++i) {
-      const auto nodes = mesh_.face_nodes[faces[i]];
-      if (mesh_.dim == 2) {
-        joints_.push_back({nodes[0], nodes[0], i, false});
-        joints_.push_back({nodes[1], nodes[1], i, true});
-        continue;
-      }
-      Index from = nodes.back();
-      for (const Index to : nodes) {
-        joints_.push_back({std::min(from, to), std::max(from, to), i, from < to});
-        from = to;
-      }
-    }
-    std::sort(joints_.begin(), joints_.end(), [](const Joint& a, const Joint& b) { return a.ends() < b.ends(); });
-  }
-
   void turn_alike(Index cell, Index n_faces) {
     sets_.reset(n_faces);
-    for (std::size_t j = 0; j < joints_.size(); j += 2) {
-      const std::size_t end = std::min(j + 3, joints_.size());
-      const auto other = std::find_if(joints_.begin() + j, joints_.begin() + end,
-                                      [&](const Joint& joint) { return joint.ends() != joints_[j].ends(); });
-      const auto meeting = other - (joints_.begin() + j);
-      if (meeting != 2) fail(cell, open_joint(joints_[j], meeting));
-      if (!sets_.unite(joints_[j].face, joints_[j + 1].face, joints_[j].forward != joints_[j + 1].forward)) {
+    for_each_shared_rim(rims_, [&](std::span<const Rim> rims) {
+      if (rims.size() != 2) fail(cell, open_rim(rims));
+      if (!sets_.unite(rims[0].member, rims[1].member, rims[0].forward != rims[1].forward)) {
         fail(cell, "its faces close to a one-sided surface");
       }
-    }
+    });
     outward_.resize(n_faces);
     for (Index i = 0; i < n_faces; ++i) {
       const auto [root, turned] = sets_.find(i);
@@ -112,10 +81,10 @@ class CellOrienter {
     }
   }
 
-  [[nodiscard]] std::string open_joint(const Joint& joint, std::ptrdiff_t meeting) const {
-    const Vec3 middle = 0.5 * (mesh_.nodes[joint.low] + mesh_.nodes[joint.high]);
-    return fmt::format("its faces do not close: {} of them meet at the {} about ({:g}, {:g}, {:g}), where two must",
-                       meeting > 2 ? "three or more" : "one", mesh_.dim == 2 ? "node" : "edge", middle.x(), middle.y(), middle.z());
+  [[nodiscard]] std::string open_rim(std::span<const Rim> rims) const {
+    const Vec3 middle = 0.5 * (mesh_.nodes[rims[0].low] + mesh_.nodes[rims[0].high]);
+    return fmt::format("its faces do not close: {} of them at the {} about ({:g}, {:g}, {:g}), where two must meet", rims.size(),
+                       mesh_.dim == 2 ? "node" : "edge", middle.x(), middle.y(), middle.z());
   }
 
   /// Volume enclosed by the faces turned as in outward_, each a fan of triangles about its node average.
@@ -158,7 +127,7 @@ class CellOrienter {
   }
 
   const PolyMesh& mesh_;
-  std::vector<Joint> joints_;
+  std::vector<Rim> rims_;
   SignedSets sets_;
   std::vector<char> outward_;
 };
@@ -178,8 +147,8 @@ void orient_faces(PolyMesh& mesh) {
     if (outward[f][0] == outward[f][1]) {
       const Vec3 at = mesh.nodes[mesh.face_nodes[f][0]];
       throw InputError("both cells lie on the same side of the face they share, so they overlap",
-                       fmt::format("cells {} and {}, face {} at ({:g}, {:g}, {:g})", mesh.face_cells[f][0], mesh.face_cells[f][1], f, at.x(),
-                                   at.y(), at.z()),
+                       fmt::format("cells {} and {}, face {} at ({:g}, {:g}, {:g})", mesh.face_cells[f][0], mesh.face_cells[f][1],
+                                   f, at.x(), at.y(), at.z()),
                        "Repair these cells in the mesh file or generate the mesh again");
     }
     if (!outward[f][0]) std::reverse(mesh.face_nodes[f].begin(), mesh.face_nodes[f].end());

@@ -1,4 +1,5 @@
-// What the generators of box meshes share: the lattice of planes that cuts the box into small boxes, and one function a family of shapes.
+// What the generators of box meshes share: the lattice of planes that cuts the box into small boxes, and one function a family of
+// shapes.
 #pragma once
 
 #include <array>
@@ -11,7 +12,8 @@
 
 namespace polyslip::mesh {
 
-/// Planes at[axis][0 .. cells(axis)] normal to each axis [m]; in 2D at[2] = {0}. Small boxes and nodes are numbered with the first axis fastest.
+/// Planes at[axis][0 .. cells(axis)] normal to each axis [m]; in 2D at[2] = {0}. Small boxes and nodes are numbered with the first
+/// axis fastest.
 struct BoxLattice {
   int dim = 3;
   std::array<std::vector<double>, 3> at;
@@ -47,15 +49,16 @@ class Dice {
   std::mt19937_64 engine_;
 };
 
-PolyMesh make_cuboids(const BoxLattice& lattice);   ///< Quads or hexahedra.
+PolyMesh make_cuboids(const BoxLattice& lattice);    ///< Quads or hexahedra.
 PolyMesh make_simplices(const BoxLattice& lattice);  ///< Triangles, 2 a square, or Kuhn's tetrahedra, 6 a cube.
 PolyMesh make_prisms(const BoxLattice& lattice);     ///< Triangles along x and y times layers along z.
-/// Moves the nodes of make_cuboids along each axis by up to `shake` times the smallest spacing around them; nodes on fixed planes stay on them.
+/// Moves the nodes of make_cuboids along each axis by up to `shake` times the smallest spacing around them; nodes on fixed planes
+/// stay on them.
 void shake_nodes(PolyMesh& mesh, const BoxLattice& lattice, double shake, std::uint64_t seed);
 /// Cuts every quad that is not planar along its shorter diagonal.
 void cut_warped_quads(PolyMesh& mesh);
-/// Polygons or polyhedra: Voronoi cells of one seed in each small box of a uniform lattice, moved along each axis by up to `shake` spacings
-/// and mirrored about the fixed planes. They are Voronoi cells of a lattice of unit spacing, then stretched to the box.
+/// Polygons or polyhedra: Voronoi cells of one seed in each small box of a uniform lattice, moved along each axis by up to `shake`
+/// spacings and mirrored about the fixed planes. They are Voronoi cells of a lattice of unit spacing, then stretched to the box.
 PolyMesh make_voronoi(const BoxLattice& lattice, const BoxSpec& spec);
 
 }  // namespace polyslip::mesh

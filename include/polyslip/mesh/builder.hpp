@@ -10,7 +10,8 @@
 
 namespace polyslip::mesh {
 
-/// Collects cells and tagged faces; build() then identifies the faces by their sets of nodes. Nodes are numbered by the caller from 0.
+/// Collects cells and tagged faces; build() then identifies the faces by their sets of nodes. Nodes are numbered by the caller from
+/// 0.
 class MeshBuilder {
  public:
   /// `where` (a file name, a scene key) opens every message. In 2D the third coordinates must be 0.
@@ -50,9 +51,6 @@ class MeshBuilder {
   Csr rows_;                  ///< Nodes of every face of every cell and of every tagged face, as they came.
   std::vector<Index> owner_;  ///< Cell of each row, or -1 - tag.
 };
-
-/// Node average of a face [m]: good to tell sides of a domain apart, not a centre of mass.
-Vec3 node_average(const PolyMesh& mesh, Index face);
 
 /// Gives the tag to the boundary faces without tag whose node average satisfies `inside`.
 void tag_boundary(PolyMesh& mesh, const std::string& tag, const std::function<bool(const Vec3&)>& inside);
