@@ -79,6 +79,11 @@ std::string shown(const std::string& text) { return text.size() <= 200 ? text : 
   throw InputError(fmt::format("{} at column {} of the expression \"{}\"", what, position + 1, shown(text)), where, remedy);
 }
 
+void refuse_infinite(double value, const std::string& text, const std::string& where) {
+  if (!std::isfinite(value))
+    throw InputError(fmt::format("the expression \"{}\" gives {}", shown(text), value), where, "Give a finite number");
+}
+
 /// What muParser takes without a word: it assigns by "=", which would change a variable behind our back, and it stops at a null
 /// character.
 void refuse_traps(const std::string& text, const std::string& where) {
@@ -111,46 +116,25 @@ std::size_t error_position(const mu::ParserError& error, const std::string& text
   return behind ? end - token.size() : end;
 }
 
-}  // namespace
-
-const std::vector<std::string>& expression_names() {
-  static const std::vector<std::string> names = [] {
-    std::vector<std::string> result(variable_names.begin(), variable_names.end());
-    const mu::Parser parser = make_parser();
-    for (const auto& [name, value] : parser.GetConst()) result.push_back(name);
-    for (const auto& [name, function] : parser.GetFunDef()) result.push_back(name);
-    return result;
-  }();
-  return names;
-}
-
-/// The formula and, in order, the definitions that it needs, each bound to a slot of `slots`.
-struct Expression::Compiled {
-  std::string text, where;
-  std::optional<double> constant;
-  bool time = false, fracture = false;
+/// What formulas read and write: the variables and, in order, the definitions that are used, each bound to a slot.
+struct Tape {
   std::array<double, variable_names.size()> variables{};  ///< In the order of variable_names.
   std::vector<double> slots;                              ///< Values of the definitions, by their number.
   struct Step {
     mu::Parser parser;
     double* target;
   };
-  std::vector<Step> steps;  ///< Definitions that vary, each after those it uses.
-  mu::Parser formula;
-
-  double evaluate() {
-    for (Step& step : steps) *step.target = step.parser.Eval();
-    return formula.Eval();
-  }
+  std::vector<Step> steps;  ///< Definitions that vary, each after those it uses, and last the expression itself.
+  double value = 0;         ///< Of the expression.
+  bool time = false, fracture = false;
 };
 
-namespace {
-
 /// Compiles a text and, once each, the definitions that it uses; those that turn out constant become constants.
-template <class Compiled>
 class Compiler {
  public:
-  Compiler(Compiled& out, const Definitions& definitions) : out_(out), items_(definitions.items), used_(definitions.items.size()) {
+  /// `variables`, the first of variable_names, may be used.
+  Compiler(Tape& out, const Definitions& definitions, std::size_t variables)
+      : out_(out), items_(definitions.items), used_(definitions.items.size()), n_variables_(variables) {
     out_.slots.resize(items_.size());
   }
 
@@ -180,6 +164,7 @@ class Compiler {
     const auto variable = std::ranges::find(variable_names, word.name);
     if (variable != variable_names.end()) {
       const auto i = static_cast<std::size_t>(variable - variable_names.begin());
+      if (i >= n_variables_) refuse(where, text, fmt::format("\"{}\" varies", word.name), word.position, "A constant belongs here");
       result.parser.DefineVar(word.name, &out_.variables[i]);
       result.varies = true;
       out_.time = out_.time || i == time_variable;
@@ -217,7 +202,7 @@ class Compiler {
     if (word.called) {
       for (const auto& [name, function] : parser.GetFunDef()) known.push_back(name);
     } else {
-      known.assign(variable_names.begin(), variable_names.end());
+      known.assign(variable_names.begin(), variable_names.begin() + static_cast<std::ptrdiff_t>(n_variables_));
       known.emplace_back("pi");
       for (std::size_t i = 0; i < visible; ++i) known.push_back(items_[i].first);
     }
@@ -226,12 +211,19 @@ class Compiler {
   }
 
   enum class Use { constant, step };
-  Compiled& out_;
+  Tape& out_;
   const std::vector<std::pair<std::string, std::string>>& items_;
   std::vector<std::optional<Use>> used_;
+  std::size_t n_variables_;
 };
 
 }  // namespace
+
+struct Expression::Compiled {
+  std::string text, where;
+  std::optional<double> constant;
+  Tape tape;
+};
 
 Expression::Expression(double constant) : compiled_(std::make_shared<Compiled>()) {
   compiled_->text = fmt::format("{}", constant);
@@ -244,20 +236,21 @@ Expression::Expression(const std::string& text, const Definitions& definitions, 
   compiled_->where = where;
   compiled_->constant = plain_number(text);
   if (compiled_->constant) return;
-  auto result = Compiler(*compiled_, definitions).compile(text, definitions.items.size(), where);
-  compiled_->formula = std::move(result.parser);
-  if (result.varies) return;
-  const double value = compiled_->formula.Eval();
-  if (!std::isfinite(value))
-    throw InputError(fmt::format("the expression \"{}\" gives {}", shown(text), value), where, "Give a finite number");
-  compiled_->constant = value;
+  auto result = Compiler(compiled_->tape, definitions, variable_names.size()).compile(text, definitions.items.size(), where);
+  if (result.varies) {
+    compiled_->tape.steps.push_back({std::move(result.parser), &compiled_->tape.value});
+  } else {
+    compiled_->constant = result.parser.Eval();
+    refuse_infinite(*compiled_->constant, text, where);
+  }
 }
 
 double Expression::operator()(const EvalPoint& at) const {
   Compiled& c = *compiled_;
   if (c.constant) return *c.constant;
-  c.variables = {at.x[0], at.x[1], at.x[2], at.t, at.tip_distance, at.fracture_length};
-  const double value = c.evaluate();
+  c.tape.variables = {at.x[0], at.x[1], at.x[2], at.t, at.tip_distance, at.fracture_length};
+  for (Tape::Step& step : c.tape.steps) *step.target = step.parser.Eval();
+  const double value = c.tape.value;
   if (!std::isfinite(value))
     throw InputError(fmt::format("the expression \"{}\" gives {} at x = {}, y = {}, z = {}, t = {}", shown(c.text), value, at.x[0],
                                  at.x[1], at.x[2], at.t),
@@ -266,9 +259,28 @@ double Expression::operator()(const EvalPoint& at) const {
 }
 
 bool Expression::is_constant() const { return compiled_->constant.has_value(); }
-bool Expression::depends_on_time() const { return compiled_->time; }
-bool Expression::depends_on_fracture() const { return compiled_->fracture; }
+bool Expression::depends_on_time() const { return compiled_->tape.time; }
+bool Expression::depends_on_fracture() const { return compiled_->tape.fracture; }
 bool Expression::is_zero() const { return compiled_->constant == 0.0; }
 const std::string& Expression::text() const { return compiled_->text; }
+
+const std::vector<std::string>& expression_names() {
+  static const std::vector<std::string> names = [] {
+    std::vector<std::string> result(variable_names.begin(), variable_names.end());
+    const mu::Parser parser = make_parser();
+    for (const auto& [name, value] : parser.GetConst()) result.push_back(name);
+    for (const auto& [name, function] : parser.GetFunDef()) result.push_back(name);
+    return result;
+  }();
+  return names;
+}
+
+double constant_value(const std::string& text, const Definitions& definitions, const std::string& where) {
+  if (const auto number = plain_number(text)) return *number;
+  Tape scratch;
+  const double value = Compiler(scratch, definitions, 0).compile(text, definitions.items.size(), where).parser.Eval();
+  refuse_infinite(value, text, where);
+  return value;
+}
 
 }  // namespace polyslip

@@ -66,7 +66,7 @@ class Completer {
   void learn_dimension(const Value& list, const std::string& path) {
     const auto length = static_cast<int>(list.items.size());
     if (length != 2 && length != 3)
-      refuse(list, path, fmt::format("{} components", list.items.size()), "Give 2 in a scene in 2D, 3 in 3D");
+      refuse(list, path, fmt::format("a list of length {}", list.items.size()), "Give 2 components in 2D, 3 in 3D");
     document_.dim = length;
     document_.dim_place = where(list, path);
   }
@@ -82,7 +82,7 @@ class Completer {
       const bool known = std::ranges::any_of(keys, [&](const Key* key) { return last_name(key->path) == value.keys[i]; });
       if (!known)
         refuse(value.items[i], join_path(path, value.keys[i]), fmt::format("unknown key \"{}\"", value.keys[i]),
-               propose_key(pattern, value.keys[i]));
+               propose_key(pattern, path, value.keys[i]));
     }
     Value ordered = Value::map(value.place);
     for (const Key* key : keys) take(value, *key, path, ordered);
@@ -95,7 +95,7 @@ class Completer {
     Value* given = from.find(name);
     if (given == nullptr && key.standard == required)
       refuse(from, child_path, fmt::format("the key \"{}\" is missing", child_path),
-             fmt::format("Give it: {} {}", type_text(key), key.help));
+             fmt::format("It is: {}. {}", type_text(key), key.help));
     Value child = given != nullptr ? std::move(*given) : default_of(key, ordered, from);
     if (given == nullptr && child.is_null()) return;
     any_value(child, child_path, key);
@@ -105,10 +105,10 @@ class Completer {
   /// Null when there is none. `siblings` are the keys before this one, `from` holds those after it as they were given.
   [[nodiscard]] Value default_of(const Key& key, const Value& siblings, const Value& from) const {
     if (key.standard == absent) return {};
-    if (key.standard == "{}") return Value::map(file_.string() + ", default");
+    if (key.standard == "{}") return Value::map(file_.string());
     const std::string text = key.standard.front() == '(' ? found_default(key, siblings, from) : key.standard;
     if (text.empty() || (key.shape == Shape::vector && document_.dim == 0)) return {};
-    if (key.kind == Kind::group) return Value::map(file_.string() + ", default");
+    if (key.kind == Kind::group) return Value::map(file_.string());
     if (key.shape != Shape::vector) return standard(text);
     Value list = Value::nothing(standard(text).place);
     list.kind = Value::Kind::list;
@@ -130,7 +130,7 @@ class Completer {
     return key.path == "contact" && siblings.find("fractures") != nullptr ? "{}" : "";
   }
 
-  [[nodiscard]] double constant(const Value& value) const { return Expression(value.text, document_.study, value.place)({}); }
+  [[nodiscard]] double constant(const Value& value) const { return constant_value(value.text, document_.study, value.place); }
 
   void names(Value& value, const std::string& path, const Key& key) {
     if (!value.is_map())
@@ -162,7 +162,7 @@ class Completer {
   }
 
   void define_number(const std::string& name, const Value& value) {
-    document_.numbers[name] = Expression(value.text, document_.study, value.place)({});
+    document_.numbers[name] = constant_value(value.text, document_.study, value.place);
     document_.study.items.emplace_back(name, value.text);
     document_.definitions.items.emplace_back(name, value.text);
   }
@@ -182,13 +182,13 @@ class Completer {
       case Shape::one:
         return single(value, path, key);
       case Shape::one_or_more:
-        return value.is_list() ? list(value, path, key, 1) : single(value, path, key);
+        return value.is_list() ? list(value, path, key) : single(value, path, key);
       case Shape::list:
-        return list(value, path, key, 1);
+        return list(value, path, key);
       case Shape::pair:
         if (value.is_list() && value.items.size() != 2)
           refuse(value, path, fmt::format("{} values", value.items.size()), "Give two: [FROM, TO]");
-        return list(value, path, key, 2);
+        return list(value, path, key);
       case Shape::vector:
       case Shape::vector_free:
         return vector(value, path, key);
@@ -198,12 +198,10 @@ class Completer {
     }
   }
 
-  void list(Value& value, const std::string& path, const Key& key, std::size_t least) {
+  void list(Value& value, const std::string& path, const Key& key) {
     if (!value.is_list())
       refuse(value, path, fmt::format("{} where a list belongs", describe(value)), fmt::format("Write [...]: {}", type_text(key)));
-    if (value.items.size() < least)
-      refuse(value, path, fmt::format("a list of {}", value.items.size()),
-             fmt::format("Give at least {}, or remove the key", least));
+    if (value.items.empty()) refuse(value, path, "an empty list", "Give an entry, or remove the key");
     for (std::size_t i = 0; i < value.items.size(); ++i) {
       const std::string item_path = fmt::format("{}[{}]", path, i);
       if (value.items[i].is_null()) refuse(value.items[i], item_path, "the entry has no value", "Write one, or remove the entry");
@@ -235,8 +233,8 @@ class Completer {
       refuse(value, path, fmt::format("{} where a list belongs", describe(value)), fmt::format("Write a {}", type));
     if (document_.dim == 0) learn_dimension(value, path);
     if (static_cast<int>(value.items.size()) != document_.dim)
-      refuse(value, path, fmt::format("{} components in a scene in {}D", value.items.size(), document_.dim),
-             fmt::format("Give {}; the dimension is told by {}", document_.dim, document_.dim_place));
+      refuse(value, path, fmt::format("a list of length {} in a scene in {}D", value.items.size(), document_.dim),
+             fmt::format("Give {} components; the dimension is told by {}", document_.dim, document_.dim_place));
   }
 
   // Single values
@@ -245,7 +243,7 @@ class Completer {
     if (key.kind == Kind::group) return group(value, path, key.path + (key.shape == Shape::list ? "[]" : ""));
     if (key.kind == Kind::names) return names(value, path, key);
     if (!value.is_scalar())
-      refuse(value, path, fmt::format("{} where one value belongs", describe(value)), "It is: " + type_text(key));
+      refuse(value, path, fmt::format("{} where one value belongs", describe(value)), "The key is: " + type_text(key));
     switch (key.kind) {
       case Kind::choice:
         if (std::ranges::find(key.choices, value.text) == key.choices.end())
@@ -272,10 +270,7 @@ class Completer {
   }
 
   void number(const Value& value, const std::string& path, const Key& key) const {
-    const Expression parsed(value.text, document_.study, where(value, path));
-    if (!parsed.is_constant())
-      refuse(value, path, fmt::format("{} is not a constant", describe(value)), "Use numbers and study numbers only");
-    const double number = parsed({});
+    const double number = constant_value(value.text, document_.study, where(value, path));
     if (key.kind == Kind::count && number != std::floor(number))
       refuse(value, path, fmt::format("{} is not a whole number", number), "Give a whole number");
     check_range(number, value, path, key);
@@ -325,7 +320,7 @@ std::vector<Cursor> Cursor::entries() const {
   return result;
 }
 
-double Cursor::number() const { return Expression(text(), document_->study, where())({}); }
+double Cursor::number() const { return constant_value(text(), document_->study, where()); }
 
 Expression Cursor::expression() const { return {text(), document_->definitions, where()}; }
 

@@ -99,10 +99,11 @@ class Walk {
   const Key* child_key(const std::string& name) const {
     if (const Key* child = find_key(join_path(pattern_, name)); child != nullptr && name != "*") return child;
     if (key_ == nullptr || key_->kind != Kind::names)
-      refuse(fmt::format("unknown key \"{}\"", join_path(path_, name)), propose_key(pattern_, name));
+      refuse(fmt::format("unknown key \"{}\"", join_path(path_, name)), propose_key(pattern_, path_, name));
     const std::vector<std::string>& known = key_->choices.empty() ? node_->keys : key_->choices;
     if (std::ranges::find(known, name) == known.end())
-      refuse(fmt::format("the scene has no \"{}\"", join_path(path_, name)), did_you_mean(name, known));
+      refuse(fmt::format("the scene has no \"{}\"", join_path(path_, name)),
+             known.empty() ? "Define it in the scene first" : did_you_mean(name, known));
     return find_key(pattern_ + ".*");
   }
 

@@ -326,20 +326,21 @@ std::string join_path(const std::string& parent, const std::string& child) { ret
 
 std::string last_name(const std::string& pattern) { return pattern.substr(pattern.rfind('.') + 1); }
 
-std::string propose_key(const std::string& pattern, const std::string& name) {
+std::string propose_key(const std::string& pattern, const std::string& path, const std::string& name) {
   std::vector<std::string> siblings, elsewhere;
   for (const Key* key : keys_below(pattern)) siblings.push_back(last_name(key->path));
   if (const std::string near = nearest_word(name, siblings); !near.empty())
-    return fmt::format("Did you mean \"{}\"?", join_path(pattern, near));
+    return fmt::format("Did you mean \"{}\"?", join_path(path, near));
   for (const Key& key : all_keys())
-    if (last_name(key.path) == name) elsewhere.push_back(key.path);
+    if (last_name(key.path) == name && name != "*") elsewhere.push_back(key.path);
   if (!elsewhere.empty()) return fmt::format("Did you mean \"{}\"?", fmt::join(elsewhere, "\" or \""));
   return siblings.empty() ? "Nothing lies below it" : fmt::format("Known here: {}", fmt::join(siblings, ", "));
 }
 
 std::string Range::text() const {
-  if (std::isfinite(low) && std::isfinite(high) && high < count_limit) return fmt::format("between {} and {}", low, high);
-  return std::isfinite(low) ? fmt::format("{} {}", or_equal ? ">=" : ">", low) : "";
+  if (!std::isfinite(low)) return "";
+  const std::string upper = std::isfinite(high) ? fmt::format(" and < {}", high) : "";
+  return fmt::format("{} {}{}", or_equal ? ">=" : ">", low, upper);
 }
 
 std::string type_text(const Key& key) {

@@ -186,7 +186,7 @@ std::string describe(const Value& value) {
     case Value::Kind::scalar:
       return fmt::format("\"{}\"", value.text.substr(0, 80));
     case Value::Kind::list:
-      return fmt::format("a list of {}", value.items.size());
+      return fmt::format("a list of length {}", value.items.size());
     case Value::Kind::map:
       return "a map";
   }

@@ -48,6 +48,10 @@ class Expression {
   std::shared_ptr<Compiled> compiled_;
 };
 
+/// The value of a text that may use constants, functions and the constant ones of `definitions`, but no position or time.
+/// Throws InputError as Expression does.
+double constant_value(const std::string& text, const Definitions& definitions, const std::string& where);
+
 /// Names that an expression understands by itself: variables, constants and functions. No definition may take one of them.
 const std::vector<std::string>& expression_names();
 

@@ -40,7 +40,7 @@ struct Range {
   double high = std::numeric_limits<double>::infinity();
   bool or_equal = false;
   [[nodiscard]] bool holds(double value) const { return (value > low || (or_equal && value == low)) && value < high; }
-  [[nodiscard]] std::string text() const;  ///< "> 0", "between -1 and 0.5"; empty when all is admissible.
+  [[nodiscard]] std::string text() const;  ///< "> 0", "> -1 and < 0.5"; empty when all is admissible.
 };
 
 /// What an expression may use beside position, study numbers and definitions.
@@ -77,8 +77,9 @@ std::string join_path(const std::string& parent, const std::string& child);
 /// Last part of a pattern.
 std::string last_name(const std::string& pattern);
 
-/// Remedy for an unknown `name` below `pattern`: the nearest sibling, a key of that name elsewhere, or what is known here.
-std::string propose_key(const std::string& pattern, const std::string& name);
+/// Remedy for an unknown `name` below `pattern`, which is `path` in the scene: the nearest sibling, a key of that name elsewhere,
+/// or what is known here.
+std::string propose_key(const std::string& pattern, const std::string& path, const std::string& name);
 
 /// "vector of numbers [m]" and the like.
 std::string type_text(const Key& key);

@@ -164,6 +164,24 @@ TEST(refusals, survive_junk) {
   EXPECT_EQ(value(sum, at(2, 0, 0)), 1002);
 }
 
+TEST(constants, may_use_other_constants_but_nothing_that_varies) {
+  const Definitions definitions{{{"n", "20"}, {"h", "2/n"}, {"r", "x*h"}}};
+  EXPECT_DOUBLE_EQ(constant_value("sqrt(h*1000) + pi - pi", definitions, place), 10);
+  EXPECT_EQ(constant_value("-2.5e3", {}, place), -2500);
+  const auto message = [&](const std::string& text) -> std::string {
+    try {
+      constant_value(text, definitions, place);
+    } catch (const InputError& error) {
+      return error.what();
+    }
+    return "";
+  };
+  EXPECT_CONTAINS(message("2*x"), "\"x\" varies at column 3 of the expression \"2*x\"");
+  EXPECT_CONTAINS(message("r"), "\"x\" varies at column 1 of the expression \"x*h\"");
+  EXPECT_CONTAINS(message("m"), "Known: pi, n, h, r");
+  EXPECT_CONTAINS(message("1/(n - 20)"), "gives inf");
+}
+
 TEST(names, that_expressions_know_are_listed) {
   const auto& names = expression_names();
   for (const std::string name : {"x", "t", "tip_distance", "pi", "atan2", "sqrt"})

@@ -1,6 +1,7 @@
 // What the tests of scenes share.
 #pragma once
 
+#include <stdexcept>
 #include <string>
 #include <vector>
 
@@ -30,6 +31,13 @@ inline std::string refusal(const std::string& text, const std::vector<std::strin
     return error.what();
   }
   return "";
+}
+
+/// `text` with the first `from` replaced; a test that replaces nothing fails.
+inline std::string with(std::string text, const std::string& from, const std::string& to) {
+  const auto i = text.find(from);
+  if (i == std::string::npos) throw std::logic_error("the test replaces what is not there: " + from);
+  return text.replace(i, from.size(), to);
 }
 
 inline bool contains(const std::string& text, const std::string& part) { return text.find(part) != std::string::npos; }
