@@ -1,0 +1,57 @@
+// What a user wants to see of a mechanical state: stresses in cells, tractions, jumps and friction states on fracture faces.
+#pragma once
+
+#include <vector>
+
+#include "polyslip/assembly/mechanics_system.hpp"
+
+namespace polyslip::assembly {
+
+/// One owned fracture face at a state.
+struct FractureFaceValues {
+  physics::ContactState state;
+  double traction_normal;    ///< lam_n [Pa], compression positive.
+  Vec3 traction_tangential;  ///< lam_t [Pa], Cartesian.
+  double jump_normal;        ///< [u]_n [m], opening negative.
+  Vec3 jump_tangential;      ///< [u]_t [m], Cartesian.
+};
+
+/// All owned fracture faces, in their order.
+std::vector<FractureFaceValues> fracture_values(const MechanicsSystem& system, Vec x);
+
+/// A state made ready for loops over cells: hands out the unknowns of each cell in the order of VemCell.
+class CellLoop {
+ public:
+  CellLoop(const MechanicsSystem& system, Vec x);
+  void values(const spaces::VemCell& vem, std::vector<double>& v) const;
+
+ private:
+  const MechanicsSystem& system_;
+  MechanicalState state_;
+  std::vector<Index> fracture_of_face_;
+};
+
+/// sigma of each owned cell [Pa]: xx yy zz xy yz xz, six a cell (plane strain: zz included).
+std::vector<double> cell_stresses(const MechanicsSystem& system, Vec x);
+
+/// Displacements of the owned copies [m], three components each.
+std::vector<double> copy_displacements(const MechanicsSystem& system, Vec x);
+
+/// Largest slip |[u]_t| and opening max(0, -[u]_n) over all ranks [m].
+struct FractureExtremes {
+  double max_slip = 0, max_opening = 0;
+};
+FractureExtremes fracture_extremes(const MechanicsSystem& system, std::span<const FractureFaceValues> values);
+
+/// Pi_K u at a point, on all ranks [m]: of the cell that holds the point, or comes closest to it.
+class PointProbe {
+ public:
+  PointProbe(const mesh::DistributedMesh& mesh, const Vec3& at);
+  [[nodiscard]] Vec3 displacement(const MechanicsSystem& system, Vec x) const;
+
+ private:
+  Vec3 at_;
+  Index cell_ = -1;  ///< Owned cell, -1 on the other ranks.
+};
+
+}  // namespace polyslip::assembly

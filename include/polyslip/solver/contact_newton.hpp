@@ -1,0 +1,85 @@
+// One load step: semi-smooth Newton by PETSc SNES, with a ladder of remedies where it fails (scheme.md section 8).
+//
+// SNES iterates on all unknowns (nodal, bubbles, multipliers). Condensed formulation: its preconditioner is the exact static condensation,
+// that is, condense the residual, solve the nodal system (LinearSolver), recover bubbles and multipliers. Saddle formulation: the
+// whole Jacobian is assembled and factorised (options without prefix: -ksp_type, -pc_type).
+#pragma once
+
+#include <functional>
+#include <memory>
+#include <string>
+
+#include "polyslip/assembly/mechanics_system.hpp"
+#include "polyslip/solver/active_set_search.hpp"
+#include "polyslip/solver/linear_solver.hpp"
+
+namespace polyslip::solver {
+
+/// One Newton iteration, for log and newton.csv.
+struct NewtonRecord {
+  int iteration = 0;          ///< 0: the start
+  double momentum = 0;        ///< Relative to loads and contact forces.
+  double contact = 0;         ///< Relative to contact forces.
+  assembly::StateCounts counts;
+  long long changed = 0;
+  double step_length = 1;
+  int krylov = 0;
+  std::string remedy;         ///< Rung of the ladder, empty on the first.
+};
+
+struct NewtonResult {
+  bool converged = false;
+  int iterations = 0;  ///< Of all rungs.
+  std::string message;  ///< Why not, and what may help.
+};
+
+/// Seconds spent, for the summary.
+struct NewtonSeconds {
+  double condense = 0, solve = 0;
+};
+
+class ContactNewton {
+ public:
+  explicit ContactNewton(assembly::MechanicsSystem& system);
+  ~ContactNewton();
+
+  /// Solves for the loads of the system, from x and into x. With `previous` loads given, the last rung reaches the loads in parts.
+  NewtonResult solve(Vec x, const assembly::Loads* previous = nullptr);
+
+  std::function<void(const NewtonRecord&)> monitor;
+
+  [[nodiscard]] LinearCounts linear_counts() const;
+  [[nodiscard]] long long cycles() const { return trace_.cycles; }
+  [[nodiscard]] const std::string& linear_choice() const;
+  [[nodiscard]] const NewtonSeconds& seconds() const { return seconds_; }
+  [[nodiscard]] SNES snes() const { return snes_; }
+
+ private:
+  struct Rung;
+  void set_up();
+  void set_up_condensed();
+  void set_up_saddle();
+  bool run(Vec x, const std::string& remedy, NewtonResult& result);
+  bool climb(Vec x, const Rung& rung, NewtonResult& result);
+  bool reach_loads_in_parts(Vec x, const assembly::Loads& previous, NewtonResult& result);
+  [[nodiscard]] std::string why(SNESConvergedReason reason) const;
+  void record(int iteration, const assembly::ResidualNorms& norms);
+
+  static PetscErrorCode form_residual(SNES, Vec, Vec, void*);
+  static PetscErrorCode form_jacobian(SNES, Vec, Mat, Mat, void*);
+  static PetscErrorCode apply_condensation(PC, Vec, Vec);
+  static PetscErrorCode test_convergence(SNES, PetscInt, PetscReal, PetscReal, PetscReal, SNESConvergedReason*, void*);
+
+  assembly::MechanicsSystem& system_;
+  ActiveSetTrace trace_;
+  std::unique_ptr<LinearSolver> linear_;  ///< Condensed formulation only.
+  la::Handle<SNES> snes_;
+  la::Handle<Mat> jacobian_;  ///< Shell (condensed) or assembled (saddle).
+  la::Handle<Vec> residual_, start_;
+  std::string remedy_;
+  assembly::ResidualNorms norms_;
+  NewtonSeconds seconds_;
+  LinearCounts saddle_counts_;
+};
+
+}  // namespace polyslip::solver

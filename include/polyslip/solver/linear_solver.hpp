@@ -1,0 +1,56 @@
+// Solves the condensed nodal system of a Newton iteration (options prefix displacement_).
+//
+// Defaults by size and dimension: a sparse Cholesky factorisation (MUMPS) where it is cheapest, else smoothed aggregation with rigid-body
+// modes (GAMG). Both are built on the symmetric matrix of the same contact state with friction left out; where faces slip
+// with friction the Krylov method applies the exact unsymmetric operator. -displacement_pc_type lu factorises the exact matrix.
+#pragma once
+
+#include <string>
+
+#include "polyslip/assembly/mechanics_system.hpp"
+
+namespace polyslip::solver {
+
+struct LinearCounts {
+  int iterations = 0;      ///< Krylov iterations of all solves.
+  int max_per_solve = 0;
+  int setups = 0;          ///< Preconditioner set-ups.
+  int factorisations = 0;  ///< Those that factorise the whole matrix.
+};
+
+class LinearSolver {
+ public:
+  explicit LinearSolver(assembly::MechanicsSystem& system);
+
+  /// What `linearise` must write into the matrix for this solver.
+  [[nodiscard]] assembly::MechanicsSystem::MatrixContent content() const { return content_; }
+  /// Tells that the matrix has changed.
+  void matrix_changed();
+  /// direction = J^{-1} f to `target` [N] in the condensed residual or the relative tolerance of the KSP, whichever is larger.
+  PetscErrorCode solve(Vec f, Vec direction, double target);
+
+  /// Sentence for the log: what was chosen and why.
+  [[nodiscard]] const std::string& choice() const { return choice_; }
+  [[nodiscard]] const LinearCounts& counts() const { return counts_; }
+  [[nodiscard]] int last_iterations() const { return last_iterations_; }
+  /// Whether the last solve broke down (an inexact one that only ran out of iterations is no failure).
+  [[nodiscard]] bool failed() const { return failed_; }
+  [[nodiscard]] KSP ksp() const { return ksp_; }
+
+ private:
+  void choose();
+  void set_method();
+
+  assembly::MechanicsSystem& system_;
+  la::Handle<KSP> ksp_;
+  la::Handle<Mat> exact_operator_;  ///< Shell: P plus the frictional corrections.
+  la::Handle<Vec> rhs_, solution_;
+  assembly::MechanicsSystem::MatrixContent content_ = assembly::MechanicsSystem::MatrixContent::symmetric;
+  std::string choice_;
+  bool user_ksp_ = false;
+  LinearCounts counts_;
+  int last_iterations_ = 0;
+  bool failed_ = false;
+};
+
+}  // namespace polyslip::solver

@@ -1,0 +1,117 @@
+#include "polyslip/assembly/mechanics_fields.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+
+#include "polyslip/common/mpi.hpp"
+#include "polyslip/geometry/faces.hpp"
+
+namespace polyslip::assembly {
+
+std::vector<FractureFaceValues> fracture_values(const MechanicsSystem& system, Vec x) {
+  MechanicalState state = system.layout().create_state();
+  system.layout().gather(x, state);
+  const auto states = system.states(x);
+  const int dim = system.layout().dim();
+  std::vector<FractureFaceValues> values;
+  for (Index f = 0; f < system.mesh().fractures.owned; ++f) {
+    const Eigen::Matrix3d& frame = system.contact_cells().faces()[f].frame;
+    const Vec3 jump = system.contact_cells().jump(f, state);
+    Vec3 lam = Vec3::Zero();
+    for (int a = 0; a < dim; ++a) lam[a] = state.multiplier[static_cast<std::size_t>(dim) * f + a];
+    const auto tangential = [&](const Vec3& v) { return Vec3(frame.transpose() * Vec3(0, v[1], v[2])); };
+    values.push_back({states[f], lam[0], tangential(lam), jump[0], tangential(jump)});
+  }
+  return values;
+}
+
+CellLoop::CellLoop(const MechanicsSystem& system, Vec x)
+    : system_(system), state_(system.layout().create_state()), fracture_of_face_(static_cast<std::size_t>(system.mesh().mesh.n_faces()), -1) {
+  system.layout().gather(x, state_);
+  for (std::size_t k = 0; k < system.mesh().fracture_faces.size(); ++k)
+    fracture_of_face_[system.mesh().fracture_faces[k]] = static_cast<Index>(k);
+}
+
+void CellLoop::values(const spaces::VemCell& vem, std::vector<double>& v) const {
+  const int dim = system_.layout().dim();
+  v.clear();
+  for (Index copy : system_.mesh().mesh.copies_of(vem.cell()))
+    for (int a = 0; a < dim; ++a) v.push_back(state_.nodal[static_cast<std::size_t>(dim) * copy + a]);
+  for (Index face : vem.bubble_faces())
+    for (int a = 0; a < dim; ++a) v.push_back(state_.bubble[static_cast<std::size_t>(dim) * fracture_of_face_[face] + a]);
+}
+
+std::vector<double> cell_stresses(const MechanicsSystem& system, Vec x) {
+  const CellLoop loop(system, x);
+  spaces::VemCell vem(system.mesh().mesh);
+  std::vector<double> v, stresses;
+  for (Index cell = 0; cell < system.mesh().cells.owned; ++cell) {
+    vem.build(cell);
+    loop.values(vem, v);
+    const Eigen::Matrix3d s = physics::stress(system.moduli()[cell], vem.gradient(v));
+    stresses.insert(stresses.end(), {s(0, 0), s(1, 1), s(2, 2), s(0, 1), s(1, 2), s(0, 2)});
+  }
+  return stresses;
+}
+
+std::vector<double> copy_displacements(const MechanicsSystem& system, Vec x) {
+  const VecRead a(x);
+  const int dim = system.layout().dim();
+  std::vector<double> u(3 * static_cast<std::size_t>(system.mesh().copies.owned), 0.0);
+  for (Index copy = 0; copy < system.mesh().copies.owned; ++copy)
+    for (int i = 0; i < dim; ++i) u[3 * static_cast<std::size_t>(copy) + i] = a[dim * copy + i];
+  return u;
+}
+
+FractureExtremes fracture_extremes(const MechanicsSystem& system, std::span<const FractureFaceValues> values) {
+  FractureExtremes e;
+  for (const FractureFaceValues& v : values) {
+    e.max_slip = std::max(e.max_slip, v.jump_tangential.norm());
+    e.max_opening = std::max(e.max_opening, -v.jump_normal);
+  }
+  return {mpi::max(system.mesh().comm, e.max_slip), mpi::max(system.mesh().comm, e.max_opening)};
+}
+
+PointProbe::PointProbe(const mesh::DistributedMesh& mesh, const Vec3& at) : at_(at) {
+  // Distance outside a cell: the largest distance beyond the planes of its faces; at most 0 inside a convex cell.
+  const mesh::PolyMesh& m = mesh.mesh;
+  double best = std::numeric_limits<double>::infinity();
+  std::vector<Vec3> points, g;
+  std::vector<double> w;
+  for (Index cell = 0; cell < mesh.cells.owned; ++cell) {
+    double outside = -std::numeric_limits<double>::infinity();
+    for (Index face : m.cell_faces[cell]) {
+      spaces::face_points(m, face, points);
+      g.resize(points.size());
+      w.resize(points.size());
+      geometry::vector_weights(m.dim, points, g);
+      const auto geometry = geometry::face_geometry(points, g, w);
+      outside = std::max(outside, m.orientation(cell, face) * geometry.normal.dot(at - geometry.centre));
+    }
+    if (outside < best) {
+      best = outside;
+      cell_ = cell;
+    }
+  }
+  const double nearest = mpi::min(mesh.comm, best);
+  const bool mine = cell_ >= 0 && best == nearest;
+  if (!mine || mpi::exclusive_sum(mesh.comm, mine ? 1 : 0) > 0) cell_ = -1;
+}
+
+Vec3 PointProbe::displacement(const MechanicsSystem& system, Vec x) const {
+  const CellLoop loop(system, x);
+  std::array<double, 3> u{};
+  if (cell_ >= 0) {
+    spaces::VemCell vem(system.mesh().mesh);
+    std::vector<double> v;
+    vem.build(cell_);
+    loop.values(vem, v);
+    const Vec3 value = vem.value(vem.gradient(v), v, at_);
+    u = {value[0], value[1], value[2]};
+  }
+  mpi::sum_in_place(system.mesh().comm, u);
+  return {u[0], u[1], u[2]};
+}
+
+}  // namespace polyslip::assembly

@@ -1,0 +1,228 @@
+#include "polyslip/solver/contact_newton.hpp"
+
+#include <fmt/format.h>
+
+#include <cmath>
+
+#include "polyslip/assembly/saddle_matrix.hpp"
+#include "polyslip/la/log_stage.hpp"
+
+namespace polyslip::solver {
+
+using assembly::Loads;
+using assembly::MechanicsSystem;
+
+/// One remedy: the size of beta relative to the scene's, and a factor on friction reached before the whole of it.
+struct ContactNewton::Rung {
+  double beta_factor;
+  double first_friction;
+  const char* remedy;
+};
+
+ContactNewton::ContactNewton(MechanicsSystem& system)
+    : system_(system), residual_(system.layout().create_vector()), start_(system.layout().create_vector()) {
+  trace_.system = &system;
+  set_up();
+}
+
+ContactNewton::~ContactNewton() = default;
+
+const std::string& ContactNewton::linear_choice() const {
+  static const std::string saddle = "linear solver: factorisation of the whole saddle-point matrix (MUMPS), as contact.formulation is saddle";
+  return linear_ ? linear_->choice() : saddle;
+}
+
+LinearCounts ContactNewton::linear_counts() const { return linear_ ? linear_->counts() : saddle_counts_; }
+
+void ContactNewton::set_up() {
+  const MPI_Comm comm = system_.mesh().comm;
+  POLYSLIP_PETSC(SNESCreate(comm, snes_.put()));
+  POLYSLIP_PETSC(SNESSetApplicationContext(snes_, &trace_));
+  POLYSLIP_PETSC(SNESSetFunction(snes_, residual_, form_residual, this));
+  POLYSLIP_PETSC(SNESSetConvergenceTest(snes_, test_convergence, this, nullptr));
+  POLYSLIP_PETSC(SNESSetTolerances(snes_, 0.0, 1e-10, 0.0, 25, PETSC_MAX_INT));
+  SNESLineSearch search = nullptr;
+  POLYSLIP_PETSC(SNESGetLineSearch(snes_, &search));
+  POLYSLIP_PETSC(SNESLineSearchSetType(search, active_set_search));
+  if (system_.problem().formulation == physics::Formulation::condensed)
+    set_up_condensed();
+  else
+    set_up_saddle();
+  POLYSLIP_PETSC(SNESSetJacobian(snes_, jacobian_, jacobian_, form_jacobian, this));
+  POLYSLIP_PETSC(SNESSetFromOptions(snes_));
+}
+
+void ContactNewton::set_up_condensed() {
+  linear_ = std::make_unique<LinearSolver>(system_);
+  const Index n = system_.layout().size();
+  POLYSLIP_PETSC(MatCreateShell(system_.mesh().comm, n, n, PETSC_DETERMINE, PETSC_DETERMINE, this, jacobian_.put()));
+  KSP ksp = nullptr;
+  PC pc = nullptr;
+  POLYSLIP_PETSC(SNESGetKSP(snes_, &ksp));
+  POLYSLIP_PETSC(KSPSetType(ksp, KSPPREONLY));
+  POLYSLIP_PETSC(KSPGetPC(ksp, &pc));
+  POLYSLIP_PETSC(PCSetType(pc, PCSHELL));
+  POLYSLIP_PETSC(PCShellSetName(pc, "exact static condensation of bubbles and multipliers"));
+  POLYSLIP_PETSC(PCShellSetContext(pc, this));
+  POLYSLIP_PETSC(PCShellSetApply(pc, apply_condensation));
+}
+
+void ContactNewton::set_up_saddle() {
+  jacobian_ = assembly::create_saddle_matrix(system_);
+  KSP ksp = nullptr;
+  PC pc = nullptr;
+  POLYSLIP_PETSC(SNESGetKSP(snes_, &ksp));
+  POLYSLIP_PETSC(KSPSetType(ksp, KSPPREONLY));
+  POLYSLIP_PETSC(KSPGetPC(ksp, &pc));
+  POLYSLIP_PETSC(PCSetType(pc, PCLU));
+  POLYSLIP_PETSC(PCFactorSetMatSolverType(pc, MATSOLVERMUMPS));
+}
+
+PetscErrorCode ContactNewton::form_residual(SNES, Vec x, Vec f, void* context) {
+  PetscFunctionBeginUser;
+  PetscCallCXX(static_cast<ContactNewton*>(context)->system_.residual(x, f));
+  PetscFunctionReturn(0);
+}
+
+PetscErrorCode ContactNewton::form_jacobian(SNES, Vec x, Mat, Mat matrix, void* context) {
+  PetscFunctionBeginUser;
+  auto* self = static_cast<ContactNewton*>(context);
+  const la::LogStage stage("condense", self->seconds_.condense);
+  if (self->linear_) {
+    PetscCallCXX(self->system_.linearise(x, self->linear_->content()));
+    PetscCallCXX(self->linear_->matrix_changed());
+    PetscCall(MatAssemblyBegin(matrix, MAT_FINAL_ASSEMBLY));
+    PetscCall(MatAssemblyEnd(matrix, MAT_FINAL_ASSEMBLY));
+  } else {
+    PetscCallCXX(self->system_.linearise(x, MechanicsSystem::MatrixContent::bulk));
+    PetscCallCXX(assembly::fill_saddle_matrix(self->system_, matrix));
+    ++self->saddle_counts_.setups;
+    ++self->saddle_counts_.factorisations;
+  }
+  PetscFunctionReturn(0);
+}
+
+PetscErrorCode ContactNewton::apply_condensation(PC pc, Vec f, Vec direction) {
+  PetscFunctionBeginUser;
+  ContactNewton* self = nullptr;
+  PetscCall(PCShellGetContext(pc, &self));
+  const la::LogStage stage("solve", self->seconds_.solve);
+  PetscReal rtol = 0;
+  PetscCall(SNESGetTolerances(self->snes_, nullptr, &rtol, nullptr, nullptr, nullptr));
+  PetscCall(self->linear_->solve(f, direction, 0.1 * rtol * self->norms_.momentum_scale));
+  PetscFunctionReturn(0);
+}
+
+PetscErrorCode ContactNewton::test_convergence(SNES snes, PetscInt iteration, PetscReal, PetscReal, PetscReal, SNESConvergedReason* reason,
+                                               void* context) {
+  PetscFunctionBeginUser;
+  auto* self = static_cast<ContactNewton*>(context);
+  Vec x = nullptr, f = nullptr;
+  PetscReal atol = 0, rtol = 0;
+  PetscInt max_it = 0;
+  PetscCall(SNESGetSolution(snes, &x));
+  PetscCall(SNESGetFunction(snes, &f, nullptr, nullptr));
+  PetscCall(SNESGetTolerances(snes, &atol, &rtol, nullptr, &max_it, nullptr));
+  if (iteration == 0) PetscCallCXX(self->trace_.start(x));
+  PetscCallCXX(self->norms_ = self->system_.norms(x, f));
+  const assembly::ResidualNorms& n = self->norms_;
+  PetscCallCXX(self->record(static_cast<int>(iteration), n));
+  *reason = SNES_CONVERGED_ITERATING;
+  if (!std::isfinite(n.momentum) || !std::isfinite(n.contact)) {
+    *reason = SNES_DIVERGED_FNORM_NAN;
+  } else if (self->linear_ && self->linear_->failed()) {
+    *reason = SNES_DIVERGED_LINEAR_SOLVE;
+  } else if (n.momentum <= std::max(atol, rtol * n.momentum_scale) && n.contact <= std::max(atol, rtol * n.contact_scale)) {
+    *reason = SNES_CONVERGED_FNORM_RELATIVE;
+  } else if (self->trace_.cycle) {
+    *reason = SNES_DIVERGED_LINE_SEARCH;
+  } else if (iteration >= max_it) {
+    *reason = SNES_DIVERGED_MAX_IT;
+  }
+  PetscFunctionReturn(0);
+}
+
+void ContactNewton::record(int iteration, const assembly::ResidualNorms& n) {
+  if (!monitor) return;
+  const auto relative = [](double value, double scale) { return scale > 0 ? value / scale : value; };
+  monitor({iteration, relative(n.momentum, n.momentum_scale), relative(n.contact, n.contact_scale), trace_.counts, trace_.changed,
+           trace_.step_length, linear_ && iteration > 0 ? linear_->last_iterations() : 0, remedy_});
+}
+
+std::string ContactNewton::why(SNESConvergedReason reason) const {
+  if (trace_.cycle) return "the active set cycles";
+  if (reason == SNES_DIVERGED_FNORM_NAN) return "the residual is not finite; a block may be free to move: hold it by displacements";
+  if (linear_ && linear_->failed())
+    return "the linear solver failed; a block may be free to move, or try -displacement_pc_type lu";
+  return "no convergence; -snes_max_it allows more iterations";
+}
+
+bool ContactNewton::run(Vec x, const std::string& remedy, NewtonResult& result) {
+  remedy_ = remedy;
+  POLYSLIP_PETSC(SNESSolve(snes_, nullptr, x));
+  SNESConvergedReason reason = SNES_CONVERGED_ITERATING;
+  PetscInt iterations = 0;
+  POLYSLIP_PETSC(SNESGetConvergedReason(snes_, &reason));
+  POLYSLIP_PETSC(SNESGetIterationNumber(snes_, &iterations));
+  result.iterations += static_cast<int>(iterations);
+  result.converged = reason > 0;
+  if (!result.converged) {
+    const std::string flickering = trace_.flickering();
+    result.message = fmt::format("Newton stopped after {} iterations ({}): {}; relative residuals momentum {:.2e}, contact {:.2e}{}{}", iterations,
+                                 SNESConvergedReasons[reason], why(reason),
+                                 norms_.momentum / norms_.momentum_scale, norms_.contact / norms_.contact_scale,
+                                 flickering.empty() ? "" : "; ", flickering);
+  }
+  return result.converged;
+}
+
+bool ContactNewton::climb(Vec x, const Rung& rung, NewtonResult& result) {
+  system_.set_beta_scale(rung.beta_factor * system_.problem().beta_scale);
+  bool converged = true;
+  for (double factor = rung.first_friction; converged; factor = std::min(1.0, 2 * factor)) {
+    system_.set_friction_factor(factor);
+    converged = run(x, factor < 1 ? fmt::format("{}, friction times {:g}", rung.remedy, factor) : rung.remedy, result);
+    if (factor >= 1) break;
+  }
+  system_.set_friction_factor(1);
+  system_.set_beta_scale(system_.problem().beta_scale);
+  return converged;
+}
+
+bool ContactNewton::reach_loads_in_parts(Vec x, const Loads& previous, NewtonResult& result) {
+  const Loads whole = system_.loads();
+  bool converged = true;
+  for (double s : {0.25, 0.5, 0.75, 1.0}) {
+    if (!converged) break;
+    system_.set_loads(Loads::blend(previous, whole, s));
+    system_.impose_dirichlet(x);
+    converged = false;
+    for (const Rung& rung : {Rung{0.3, 1, ""}, Rung{0.03, 1, ""}, Rung{0.3, 0.25, ""}}) {
+      converged = climb(x, {rung.beta_factor, rung.first_friction, fmt::format("loads times {:g}", s).c_str()}, result);
+      if (converged) break;
+    }
+  }
+  system_.set_loads(whole);
+  return converged;
+}
+
+NewtonResult ContactNewton::solve(Vec x, const Loads* previous) {
+  NewtonResult result;
+  system_.impose_dirichlet(x);
+  POLYSLIP_PETSC(VecCopy(x, start_));
+  static constexpr Rung ladder[] = {{1, 1, ""},
+                                    {0.1, 1, "another beta"},
+                                    {10, 1, "another beta"},
+                                    {0.3, 0.25, "continuation in friction"},
+                                    {0.03, 0.25, "continuation in friction"}};
+  for (const Rung& rung : ladder) {
+    if (&rung != ladder && system_.fracture_faces() == 0) break;  // a linear problem has no remedy here
+    if (climb(x, rung, result)) return result;
+    POLYSLIP_PETSC(VecCopy(start_, x));
+  }
+  if (previous != nullptr && system_.fracture_faces() > 0 && reach_loads_in_parts(x, *previous, result)) return result;
+  POLYSLIP_PETSC(VecCopy(start_, x));
+  return result;
+}
+
+}  // namespace polyslip::solver

@@ -1,0 +1,133 @@
+#include "polyslip/solver/linear_solver.hpp"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+
+namespace polyslip::solver {
+
+using assembly::MechanicsSystem;
+
+namespace {
+
+constexpr const char* prefix = "displacement_";
+constexpr GlobalIndex direct_limit_2d = 1'000'000, direct_limit_3d = 12'000;  ///< Unknowns up to which a factorisation is the faster choice.
+
+PetscErrorCode apply_exact(Mat shell, Vec x, Vec y) {
+  PetscFunctionBeginUser;
+  MechanicsSystem* system = nullptr;
+  PetscCall(MatShellGetContext(shell, &system));
+  PetscCallCXX(system->apply_condensed(x, y));
+  PetscFunctionReturn(0);
+}
+
+/// Sets an option of the database unless the user has set it.
+void default_option(const std::string& name, const char* value) {
+  PetscBool set = PETSC_FALSE;
+  POLYSLIP_PETSC(PetscOptionsHasName(nullptr, nullptr, name.c_str(), &set));
+  if (!set) POLYSLIP_PETSC(PetscOptionsSetValue(nullptr, name.c_str(), value));
+}
+
+bool user_sets(const char* name) {
+  PetscBool set = PETSC_FALSE;
+  POLYSLIP_PETSC(PetscOptionsHasName(nullptr, prefix, name, &set));
+  return set == PETSC_TRUE;
+}
+
+}  // namespace
+
+LinearSolver::LinearSolver(MechanicsSystem& system)
+    : system_(system), rhs_(system.layout().create_nodal_vector()), solution_(system.layout().create_nodal_vector()) {
+  const Index n = system.layout().nodal_size();
+  POLYSLIP_PETSC(MatCreateShell(system.mesh().comm, n, n, PETSC_DETERMINE, PETSC_DETERMINE, &system, exact_operator_.put()));
+  POLYSLIP_PETSC(MatShellSetOperation(exact_operator_, MATOP_MULT, reinterpret_cast<void (*)()>(apply_exact)));
+  POLYSLIP_PETSC(KSPCreate(system.mesh().comm, ksp_.put()));
+  POLYSLIP_PETSC(KSPSetOptionsPrefix(ksp_, prefix));
+  choose();
+}
+
+void LinearSolver::choose() {
+  const int dim = system_.layout().dim();
+  const GlobalIndex unknowns = system_.mesh().copies.total * dim;
+  const GlobalIndex limit = dim == 2 ? direct_limit_2d : direct_limit_3d;
+  const bool direct = unknowns <= limit;
+  PC pc = nullptr;
+  POLYSLIP_PETSC(KSPGetPC(ksp_, &pc));
+  user_ksp_ = user_sets("-ksp_type");
+  if (user_sets("-pc_type")) {
+    choice_ = "linear solver: as the options say";
+  } else if (direct) {
+    POLYSLIP_PETSC(PCSetType(pc, PCCHOLESKY));
+    POLYSLIP_PETSC(PCFactorSetMatSolverType(pc, MATSOLVERMUMPS));
+    choice_ = fmt::format("linear solver: sparse Cholesky (MUMPS), as {} unknowns in {}D are at most {}; -displacement_pc_type gamg for multigrid",
+                          unknowns, dim, limit);
+  } else {
+    POLYSLIP_PETSC(PCSetType(pc, PCGAMG));
+    const std::string p = std::string("-") + prefix;
+    default_option(p + "pc_gamg_threshold", "0.02");
+    default_option(p + "mg_levels_ksp_type", "chebyshev");
+    default_option(p + "mg_levels_pc_type", "jacobi");
+    default_option(p + "mg_levels_ksp_max_it", "2");
+    choice_ = fmt::format("linear solver: algebraic multigrid (GAMG) with rigid-body modes, as {} unknowns in {}D exceed {}; "
+                          "-displacement_pc_type cholesky for a factorisation", unknowns, dim, limit);
+  }
+  POLYSLIP_PETSC(KSPSetType(ksp_, KSPCG));
+  POLYSLIP_PETSC(KSPSetTolerances(ksp_, 1e-8, 0.0, PETSC_DEFAULT, 1000));
+  POLYSLIP_PETSC(MatSetOption(system_.matrix(), MAT_SPD, PETSC_TRUE));
+  POLYSLIP_PETSC(KSPSetOperators(ksp_, system_.matrix(), system_.matrix()));
+  POLYSLIP_PETSC(KSPSetFromOptions(ksp_));
+  PetscBool lu = PETSC_FALSE;
+  POLYSLIP_PETSC(PetscObjectTypeCompare(reinterpret_cast<PetscObject>(pc), PCLU, &lu));
+  if (lu) {
+    content_ = MechanicsSystem::MatrixContent::exact;
+    POLYSLIP_PETSC(MatSetOption(system_.matrix(), MAT_SPD, PETSC_FALSE));
+    POLYSLIP_PETSC(MatSetOption(system_.matrix(), MAT_SYMMETRIC, PETSC_FALSE));
+    if (!user_ksp_) POLYSLIP_PETSC(KSPSetType(ksp_, KSPPREONLY));
+    user_ksp_ = true;
+  }
+}
+
+void LinearSolver::set_method() {
+  if (!user_ksp_) {
+    POLYSLIP_PETSC(KSPSetType(ksp_, system_.is_symmetric() ? KSPCG : KSPGMRES));
+    if (!system_.is_symmetric()) {
+      POLYSLIP_PETSC(KSPGMRESSetRestart(ksp_, 100));
+      POLYSLIP_PETSC(KSPSetPCSide(ksp_, PC_RIGHT));
+    }
+    POLYSLIP_PETSC(KSPSetNormType(ksp_, KSP_NORM_UNPRECONDITIONED));
+  }
+  const Mat exact = system_.matrix_is_exact() ? system_.matrix() : exact_operator_.get();
+  POLYSLIP_PETSC(KSPSetOperators(ksp_, exact, system_.matrix()));
+}
+
+void LinearSolver::matrix_changed() {
+  set_method();
+  PC pc = nullptr;
+  POLYSLIP_PETSC(KSPGetPC(ksp_, &pc));
+  PetscBool factor = PETSC_FALSE;
+  POLYSLIP_PETSC(PetscObjectTypeCompareAny(reinterpret_cast<PetscObject>(pc), &factor, PCLU, PCCHOLESKY, ""));
+  ++counts_.setups;
+  if (factor) ++counts_.factorisations;
+}
+
+PetscErrorCode LinearSolver::solve(Vec f, Vec direction, double target) {
+  PetscFunctionBeginUser;
+  PetscCallCXX(system_.condense_residual(f, rhs_));
+  PetscReal rtol = 0, dtol = 0;
+  PetscInt max_it = 0;
+  PetscCall(KSPGetTolerances(ksp_, &rtol, nullptr, &dtol, &max_it));
+  PetscCall(KSPSetTolerances(ksp_, rtol, target, dtol, max_it));
+  PetscCall(KSPSolve(ksp_, rhs_, solution_));
+  KSPConvergedReason reason = KSP_CONVERGED_ITERATING;
+  PetscCall(KSPGetConvergedReason(ksp_, &reason));
+  failed_ = reason < 0 && reason != KSP_DIVERGED_ITS;
+  PetscInt its = 0;
+  PetscCall(KSPGetIterationNumber(ksp_, &its));
+  last_iterations_ = static_cast<int>(its);
+  counts_.iterations += last_iterations_;
+  counts_.max_per_solve = std::max(counts_.max_per_solve, last_iterations_);
+  PetscCallCXX(system_.recover(f, solution_, direction));
+  PetscFunctionReturn(0);
+}
+
+}  // namespace polyslip::solver
