@@ -2,7 +2,7 @@
 #include <fmt/format.h>
 #include <petscdmplex.h>
 
-#include <array>
+#include <algorithm>
 #include <fstream>
 #include <map>
 #include <string>
@@ -215,6 +215,7 @@ std::vector<Index> cell_regions(const Plex& plex, const GroupNames& names, MeshB
 
 PolyMesh read_gmsh(const std::filesystem::path& path) {
   const std::string file = path.string();
+  check_gmsh_text(path);
   const Plex plex(load(file));
   if (plex.dim() < 2 || plex.cells().end == plex.cells().begin) {
     throw InputError("the file has no cells (triangles, quadrilaterals, tetrahedra, hexahedra, prisms or pyramids)", file,

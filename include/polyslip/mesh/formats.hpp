@@ -13,6 +13,11 @@ namespace polyslip::mesh {
 /// called "dim:number".
 PolyMesh read_gmsh(const std::filesystem::path& file);
 
+/// Checks counts and references of nodes, elements and entities of a Gmsh text file of version 2.2 or 4.1; PETSc's reader takes
+/// them on trust and steps out of its arrays where they are wrong. Other files pass unseen. Throws InputError with section and
+/// element.
+void check_gmsh_text(const std::filesystem::path& file);
+
 /// The native format, as write_native leaves it.
 PolyMesh read_native(const std::filesystem::path& file);
 
