@@ -3,6 +3,7 @@
 
 #include <Eigen/Geometry>
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <limits>
 #include <utility>
@@ -34,6 +35,10 @@ class Segment {
  public:
   Segment(const Vec3& from, const Vec3& to) : from_(from), length_((to - from).norm()), along_((to - from) / length_) {}
 
+  /// Faces on the segment are shorter than it, and so is the distance of their nodes to it.
+  [[nodiscard]] FlatRegion region() const {
+    return {std::array{from_, Vec3(from_ + length_ * along_)}, Vec3(along_.y(), -along_.x(), 0.0), kTolerance * length_};
+  }
   /// Takes the face if both its ends lie on the segment.
   bool take(const PolyMesh& mesh, Index face) {
     const auto nodes = mesh.face_nodes[face];
@@ -85,12 +90,12 @@ std::vector<FractureFace> match_polyline(const PolyMesh& mesh, const FaceFinder&
                        "Remove one of them");
     }
     Segment segment(from, to);
-    const double slack = kTolerance * (to - from).norm();  // faces on the segment are shorter than it
-    for (const auto& [x, face] : finder.between(std::min(from.x(), to.x()) - slack, std::max(from.x(), to.x()) + slack)) {
+    for (const Index face : finder.near(segment.region())) {
       if (segment.take(mesh, face)) result.push_back({face, segment.turned(mesh, face)});
     }
     if (const auto gaps = segment.gaps(); !gaps.empty()) {
-      const std::string more = gaps.size() > 1 ? fmt::format(" and {} more parts", gaps.size() - 1) : "";
+      const std::string more =
+          gaps.size() > 1 ? fmt::format(" and {} more part{}", gaps.size() - 1, gaps.size() > 2 ? "s" : "") : "";
       throw InputError(fmt::format("no mesh faces from {} to {}{} on the piece from point {} to point {}",
                                    point_text(gaps[0].first, 2), point_text(gaps[0].second, 2), more, i + 1, i + 2),
                        place_text(fracture), kRemedy);
@@ -126,7 +131,7 @@ class Polygon {
   }
 
   [[nodiscard]] const Vec3& normal() const { return normal_; }
-  [[nodiscard]] double extent() const { return extent_; }
+  [[nodiscard]] FlatRegion region() const { return {corners_, normal_, kTolerance * extent_}; }
   [[nodiscard]] const std::vector<Vec3>& corners() const { return corners_; }
 
   /// All nodes on the polygon, and the middle inside: the face does not bridge a notch.
@@ -200,13 +205,8 @@ void check_cover(const PolyMesh& mesh, const Polygon& polygon, const std::vector
 
 std::vector<FractureFace> match_polygon(const PolyMesh& mesh, const FaceFinder& finder, const FractureGeometry& fracture) {
   const Polygon polygon(fracture);
-  const auto [low, high] = std::minmax_element(fracture.points.begin(), fracture.points.end(),
-                                               [](const Vec3& a, const Vec3& b) { return a.x() < b.x(); });
-  const double slack = kTolerance * polygon.extent();
-  std::vector<Index> faces;
-  for (const auto& [x, face] : finder.between(low->x() - slack, high->x() + slack)) {
-    if (polygon.holds(mesh, face)) faces.push_back(face);
-  }
+  std::vector<Index> faces = finder.near(polygon.region());
+  std::erase_if(faces, [&](Index face) { return !polygon.holds(mesh, face); });
   check_cover(mesh, polygon, faces, fracture);
 
   std::vector<FractureFace> result;

@@ -3,21 +3,59 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <cmath>
+#include <utility>
 
 #include "polyslip/mesh/face_tools.hpp"
 
 namespace polyslip::mesh {
 
-FaceFinder::FaceFinder(const PolyMesh& mesh) {
-  by_x_.reserve(mesh.n_faces());
-  for (Index f = 0; f < mesh.n_faces(); ++f) by_x_.emplace_back(node_average(mesh, f).x(), f);
-  std::sort(by_x_.begin(), by_x_.end());
+namespace {
+
+/// What Eigen's tree asks for: it descends while intersectVolume says so and stops once intersectObject returns true.
+struct Query {
+  const PolyMesh& mesh;
+  const FlatRegion& region;
+  std::vector<Index> found;
+
+  [[nodiscard]] bool intersectVolume(const Eigen::AlignedBox3d& box) const { return region.meets(box); }
+  bool intersectObject(Index face) {
+    if (region.meets(Eigen::AlignedBox3d(node_average(mesh, face)))) found.push_back(face);
+    return false;
+  }
+};
+
+}  // namespace
+
+FlatRegion::FlatRegion(std::span<const Vec3> points, const Vec3& unit_normal, double slack_)
+    : origin(points[0]), normal(unit_normal), slack(slack_) {
+  for (const Vec3& x : points) box.extend(x);
+  box.min().array() -= slack;
+  box.max().array() += slack;
 }
 
-std::span<const std::pair<double, Index>> FaceFinder::between(double from, double to) const {
-  const auto begin = std::lower_bound(by_x_.begin(), by_x_.end(), std::pair<double, Index>(from, -1));
-  const auto end = std::find_if(begin, by_x_.end(), [&](const auto& entry) { return entry.first > to; });
-  return {begin, end};
+bool FlatRegion::meets(const Eigen::AlignedBox3d& other) const {
+  return box.intersects(other) &&
+         std::abs(normal.dot(other.center() - origin)) <= 0.5 * normal.cwiseAbs().dot(other.sizes()) + slack;
+}
+
+FaceFinder::FaceFinder(const PolyMesh& mesh, const Eigen::AlignedBox3d& bounds) : mesh_(mesh) {
+  std::vector<Index> faces;
+  std::vector<Eigen::AlignedBox3d> boxes;
+  for (Index f = 0; f < mesh.n_faces(); ++f) {
+    const Vec3 x = node_average(mesh, f);
+    if (!bounds.contains(x)) continue;
+    faces.push_back(f);
+    boxes.emplace_back(x);
+  }
+  tree_.init(faces.begin(), faces.end(), boxes.begin(), boxes.end());
+}
+
+std::vector<Index> FaceFinder::near(const FlatRegion& region) const {
+  Query query{mesh_, region, {}};
+  Eigen::BVIntersect(tree_, query);
+  std::sort(query.found.begin(), query.found.end());
+  return std::move(query.found);
 }
 
 double distance_to_segment(const Vec3& x, const Vec3& a, const Vec3& b) {

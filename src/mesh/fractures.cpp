@@ -37,6 +37,18 @@ void claim_faces(PolyMesh& mesh, const std::vector<FractureFace>& matched, Index
   }
 }
 
+/// Box around all fractures given by points, a little larger.
+Eigen::AlignedBox3d box_around(const std::vector<FractureGeometry>& fractures) {
+  Eigen::AlignedBox3d box;
+  for (const FractureGeometry& fracture : fractures) {
+    for (const Vec3& x : fracture.points) box.extend(x);
+  }
+  const double margin = 1e-3 * box.diagonal().norm();
+  box.min().array() -= margin;
+  box.max().array() += margin;
+  return box;
+}
+
 /// Rims of all boundary faces.
 std::vector<Rim> boundary_rims(const PolyMesh& mesh) {
   std::vector<Index> faces;
@@ -92,7 +104,7 @@ void mark_fractures(PolyMesh& mesh, const std::vector<FractureGeometry>& fractur
   std::vector<Index> faces;
   for (const FractureGeometry& fracture : fractures) {
     const auto number = static_cast<Index>(mesh.fracture_names.size());
-    if (fracture.group.empty() && !finder) finder.emplace(mesh);
+    if (fracture.group.empty() && !finder) finder.emplace(mesh, box_around(fractures));
     const auto matched = fracture.group.empty() ? match_points(mesh, *finder, fracture) : match_group(mesh, fracture);
     claim_faces(mesh, matched, number, fractures);
     faces.clear();

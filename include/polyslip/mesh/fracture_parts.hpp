@@ -1,8 +1,10 @@
 // Pieces of mark_fractures: faces found by place or by group, and the words of its messages.
 #pragma once
 
+#include <Eigen/Geometry>
 #include <span>
 #include <string>
+#include <unsupported/Eigen/BVH>
 #include <utility>
 #include <vector>
 
@@ -16,15 +18,27 @@ struct FractureFace {
   bool turn;
 };
 
-/// Finds faces by the place of their node average: sorted along x.
+/// Where the faces on a flat piece of a fracture can have their node averages: in a box and near a line (2D) or plane (3D).
+struct FlatRegion {
+  Eigen::AlignedBox3d box;
+  Vec3 origin, normal;
+  double slack;  ///< [m]
+
+  FlatRegion(std::span<const Vec3> points, const Vec3& unit_normal, double slack);
+  [[nodiscard]] bool meets(const Eigen::AlignedBox3d& other) const;
+};
+
+/// Finds faces by the place of their node average, in a tree of boxes: a query costs about as much as it finds.
 class FaceFinder {
  public:
-  explicit FaceFinder(const PolyMesh& mesh);
-  /// Faces whose node average lies in [from, to] along x, in that order.
-  [[nodiscard]] std::span<const std::pair<double, Index>> between(double from, double to) const;
+  /// Knows the faces whose node average lies in `bounds`.
+  FaceFinder(const PolyMesh& mesh, const Eigen::AlignedBox3d& bounds);
+  /// Faces whose node average may lie in the region, ascending.
+  [[nodiscard]] std::vector<Index> near(const FlatRegion& region) const;
 
  private:
-  std::vector<std::pair<double, Index>> by_x_;
+  const PolyMesh& mesh_;
+  Eigen::KdBVH<double, 3, Index> tree_;
 };
 
 /// Faces that make up a fracture given by points, turned as fractures.hpp says. Throws InputError where it is not covered.

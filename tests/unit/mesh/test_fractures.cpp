@@ -176,6 +176,9 @@ TEST(fractures, uncovered_parts_are_named) {
                  {"from (0.5, 0.5) to (0.5, 0.7)", "point 2 to point 3"});
   expect_refusal(quads, {by_points("F", {{-0.5, -0.5, 0}, {0.5, 0.5, 0}})}, {"from (-0.5, -0.5) to (0.5, 0.5)"});
   expect_refusal(quads, {by_points("F", {{-0.5, 0, 0}, {1.5, 0, 0}})}, {"from (1, 0) to (1.5, 0)"});
+  expect_refusal(quads, {by_points("F", {{5, 0, 0}, {6, 0, 0}})}, {"from (5, 0) to (6, 0)"});
+  expect_refusal(quads, {by_points("F", {{-0.75, 0.5, 0}, {0.25, 0.5, 0}, {0.5, 0.5, 0}})},
+                 {"and 1 more part on the piece from point 1"});
   expect_refusal(cube("hexahedra", 4), {by_points("F", {{-1, -1, 0}, {0.7, -1, 0}, {0.7, 1, 0}, {-1, 1, 0}})},
                  {"within (0.5, -1, 0) to (0.7, 1, 0)"});
   expect_refusal(cube("hexahedra", 4), {by_points("F", {{-1, -1, 0.1}, {1, -1, 0.1}, {1, 1, 0.1}, {-1, 1, 0.1}})},
