@@ -23,8 +23,6 @@ class PetscSession {
     int argc = static_cast<int>(arguments_.size());
     char** argv = pointers_.data();
     if (PetscInitialize(&argc, &argv, nullptr, nullptr) != 0) throw std::runtime_error("PETSc does not start");
-    // Unused options are reported by the run, not by PETSc.
-    (void)PetscOptionsSetValue(nullptr, "-options_left", "no");
     if (solver::register_active_set_search() != 0) throw std::runtime_error("the line search cannot be registered");
   }
   ~PetscSession() { (void)PetscFinalize(); }

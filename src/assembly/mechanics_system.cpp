@@ -163,7 +163,7 @@ void MechanicsSystem::assemble_bulk() {
 }
 
 void MechanicsSystem::write_contact_rows(MatrixContent content) {
-  if (cells_.size() == 0 && content_ == content) return;
+  if (fracture_faces() == 0) return;  // the same on all ranks: what follows is collective
   matrix_->begin_writing();
   auto saved = bulk_rows_.begin();
   for (Index row : contact_rows_)

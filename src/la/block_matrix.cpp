@@ -65,6 +65,7 @@ void BlockMatrix::create(const Layout& layout) {
   POLYSLIP_PETSC(MatSeqAIJSetPreallocationCSR(matrix_, offsets.data(), columns.data(), nullptr));
   POLYSLIP_PETSC(MatMPIAIJSetPreallocationCSR(matrix_, offsets.data(), columns.data(), nullptr));
   POLYSLIP_PETSC(MatSetOption(matrix_, MAT_NEW_NONZERO_LOCATION_ERR, PETSC_TRUE));
+  POLYSLIP_PETSC(MatSetOption(matrix_, MAT_NO_OFF_PROC_ENTRIES, PETSC_TRUE));
   PetscBool parallel = PETSC_FALSE;
   POLYSLIP_PETSC(PetscObjectTypeCompare(reinterpret_cast<PetscObject>(matrix_.get()), MATMPIAIJ, &parallel));
   diagonal_part_ = matrix_;
