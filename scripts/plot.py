@@ -14,6 +14,14 @@ from matplotlib.colors import to_hex  # noqa: E402
 from matplotlib.lines import Line2D  # noqa: E402
 
 STATES = {0: ("open", "tab:blue"), 1: ("stick", "black"), 2: ("slip", "tab:red")}
+LABELS = {
+    "jump_tangential": "slip |[u]_t| [m]",
+    "jump_normal": "normal jump [u]_n [m]",
+    "traction_normal": "normal traction [Pa]",
+    "traction_tangential": "tangential traction [Pa]",
+    "aperture": "aperture [m]",
+    "pressure": "pressure [Pa]",
+}
 POLYLINE, POLYGON, POLYHEDRON = 2, 3, 16  # cell types of an XDMF "Mixed" topology
 
 
@@ -27,7 +35,7 @@ class Series:
             steps = sorted(data["fields"], key=int)
             if not steps:
                 raise SystemExit(f"{file}: no output step has been written.")
-            if step >= len(steps):
+            if step not in range(-1, len(steps)):
                 raise SystemExit(f"{file}: there is no step {step}; the last is {len(steps) - 1}.")
             group = data["fields"][steps[step]]
             self.time = group.attrs["time"]
@@ -48,6 +56,16 @@ class Series:
 
 def magnitude(vectors):
     return np.linalg.norm(vectors, axis=1)
+
+
+def fracture_panels(fields):
+    """Scalars to draw on fractures, by field name: vectors by magnitude, and 0 for what is round-off beside fields of the same kind."""
+    scalars = {name: fields[name] if fields[name].ndim == 1 else magnitude(fields[name]) for name in LABELS if name in fields}
+    largest = {}
+    for name, values in scalars.items():
+        kind = name.split("_")[0]
+        largest[kind] = max(largest.get(kind, 0), np.abs(values).max(initial=0))
+    return {name: np.where(np.abs(values) > 1e-12 * largest[name.split("_")[0]], values, 0) for name, values in scalars.items()}
 
 
 # ---------------------------------------------------------------------------------------------------------------- 2D
@@ -89,7 +107,7 @@ def draw_states(axes, fractures):
     lines = [fractures.points[corners, :2] for corners in fractures.corners()]
     states = fractures.fields.get("friction_state", np.ones(len(lines))).astype(int)
     axes.add_collection(LineCollection(lines, colors=[STATES[state][1] for state in states], linewidth=1.5))
-    axes.legend(handles=[Line2D([], [], color=STATES[state][1], label=STATES[state][0]) for state in np.unique(states)])
+    axes.legend(handles=[Line2D([], [], color=STATES[state][1], label=STATES[state][0]) for state in np.unique(states)], loc="upper right")
 
 
 def chains(nodes):
@@ -127,15 +145,9 @@ def arc_lengths(fractures, faces):
 
 def curves(fractures):
     """(label, values, exact values or None) of what is drawn over the arc length."""
-    fields = fractures.fields
-    wanted = [
-        ("slip |[u]_t| [m]", "jump_tangential"),
-        ("normal jump [u]_n [m] (opening < 0)", "jump_normal"),
-        ("normal traction [Pa]", "traction_normal"),
-        ("tangential traction [Pa]", "traction_tangential"),
-    ]
-    scalar = lambda values: values if values is None or values.ndim == 1 else magnitude(values)  # noqa: E731
-    return [(label, scalar(fields[name]), scalar(fields.get(name + "_exact"))) for label, name in wanted if name in fields]
+    panels = fracture_panels(fractures.fields)
+    exact = fracture_panels({name.removesuffix("_exact"): values for name, values in fractures.fields.items() if name.endswith("_exact")})
+    return [(LABELS[name], values, exact.get(name)) for name, values in panels.items() if np.any(values) or np.any(exact.get(name, 0))]
 
 
 def draw_curves(axes_row, fractures, number, quantities):
@@ -172,15 +184,6 @@ def read_with_vtk(xdmf, time):
     return pyvista.wrap(reader.reader.GetOutputDataObject(0))
 
 
-FRACTURE_PANELS = {
-    "jump_tangential": "slip [m]",
-    "jump_normal": "normal jump [m]",
-    "traction_normal": "normal traction [Pa]",
-    "traction_tangential": "tangential traction [Pa]",
-    "aperture": "aperture [m]",
-}
-
-
 def panels_3d(matrix, fractures):
     """(title, mesh, field, further options) of each picture."""
     u = matrix["displacement"]
@@ -191,14 +194,15 @@ def panels_3d(matrix, fractures):
     panels = [(f"displacement [m], deformed x {scale:.3g}", half, "displacement [m]", {})]
     if fractures is None:
         return panels
-    fields = {name: fractures[name] for name in FRACTURE_PANELS if name in fractures.array_names}
-    for name, values in fields.items():
-        fractures[FRACTURE_PANELS[name]] = values if values.ndim == 1 else magnitude(values)
     if "friction_state" in fractures.array_names:
         colours = [to_hex(colour) for _, colour in STATES.values()]
         names = {state: name for state, (name, _) in STATES.items()}
         panels.append(("friction state", fractures, "friction_state", {"cmap": colours, "clim": (-0.5, 2.5), "annotations": names}))
-    return panels + [(FRACTURE_PANELS[name], fractures, FRACTURE_PANELS[name], {}) for name in fields]
+    for name, values in fracture_panels(fractures.cell_data).items():
+        if np.any(values):
+            fractures[LABELS[name]] = values
+            panels.append((LABELS[name], fractures, LABELS[name], {}))
+    return panels
 
 
 def draw_3d(directory, matrix, fractures, png):
