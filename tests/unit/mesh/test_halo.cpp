@@ -30,13 +30,19 @@ TEST(halo, brings_the_owners_values_block_by_block) {
 TEST(halo, adds_every_ghost_to_its_owner_once_and_leaves_the_ghosts) {
   const DistributedMesh part = sample();
   const Halo halo(world, part.copies);
-  // Each rank counts 1 for each copy here: owners then hold the number of ranks that have the copy, which sums to all local copies.
-  std::vector<double> values(static_cast<std::size_t>(part.copies.local()) * 2, 1.0);
+  // First component: each rank counts 1 for each copy here, so that owners hold the number of ranks that have the copy. Second:
+  // each rank gives the copy's global number, so that owners hold as many times that.
+  std::vector<double> values;
+  for (Index i = 0; i < part.copies.local(); ++i) values.insert(values.end(), {1.0, static_cast<double>(part.copies.global(i))});
+  const std::vector<double> before = values;
   halo.add_ghost_to_owner(values, 2);
-  double sum = 0;
-  for (Index i = 0; i < part.copies.owned * 2; ++i) sum += values[i];
-  EXPECT_EQ(mpi::sum(world, sum), mpi::sum(world, 2.0 * part.copies.local()));
-  for (std::size_t i = part.copies.owned * 2; i < values.size(); ++i) EXPECT_EQ(values[i], 1.0);
+  double ranks = 0;
+  for (Index i = 0; i < part.copies.owned; ++i) {
+    ranks += values[2 * i];
+    EXPECT_EQ(values[2 * i + 1], values[2 * i] * part.copies.global(i));
+  }
+  EXPECT_EQ(mpi::sum(world, ranks), mpi::sum(world, static_cast<double>(part.copies.local())));
+  for (std::size_t i = part.copies.owned * 2; i < values.size(); ++i) EXPECT_EQ(values[i], before[i]);
 }
 
 TEST(halo, works_where_ranks_are_empty) {

@@ -289,31 +289,45 @@ TEST_F(Readers, gmsh_files_that_make_no_mesh_are_refused) {
   expect_contains(refusal(text_file("mesh.vtk", "x")), {"mesh.vtk", ".msh"});
 }
 
-TEST_F(Readers, gmsh_files_with_wrong_numbers_are_refused) {
-  const std::vector<std::pair<std::string, std::string>> changes{
-      {"5 3 2 0 2 2 5 6 13", "5 3 2 0 2 2 5 6 14"},
-      {"5 3 2 0 2 2 5 6 13", "5 3 2 0 2 2 5 6 -1"},
-      {"5 3 2 0 2 2 5 6 13", "5 3 2 0 2 2 5 6 999999999"},
-      {"5 3 2 0 2 2 5 6 13", "5 777 2 0 2 2 5 6 13"},
-      {"5 3 2 0 2 2 5 6 13", "5 3 9999 0 2 2 5 6 13"},
-      {"$Nodes\n6", "$Nodes\n-6"},
-      {"$Nodes\n6", "$Nodes\n2000000000"},
-      {"$Elements\n5", "$Elements\n-1"},
-      {"$Elements\n5", "$Elements\n6"},
-      {"\n13 1 1 0", "\n2 1 1 0"},
+struct Change {
+  std::string what, by, words;  ///< Replace `what` by `by` and the refusal has these words.
+};
+
+TEST_F(Readers, gmsh_22_files_with_wrong_numbers_are_refused) {
+  const std::string quadrilateral = "5 3 2 0 2 2 5 6 13";
+  const std::vector<Change> changes{
+      {quadrilateral, "5 3 2 0 2 2 5 6 14", "$Elements, element 5: node 14 does not exist"},
+      {quadrilateral, "5 3 2 0 2 2 5 6 -1", "$Elements, element 5: node -1 does not exist"},
+      {quadrilateral, "5 3 2 0 2 2 5 6 x", "$Elements, element 5: 'x' is not an integer"},
+      {quadrilateral, "5 9 2 0 2 2 5 6 13", "$Elements, element 5: element type 9"},
+      {quadrilateral, "5 3 9999 0 2 2 5 6 13", "$Elements, element 5: it announces 9999"},
+      {"$Nodes\n6", "$Nodes\n-6", "$Nodes: it announces -6"},
+      {"$Nodes\n6", "$Nodes\n2000000000", "$Nodes: it announces 2000000000"},
+      {"$Elements\n5", "$Elements\n4", "$Elements, element 4: '5' stands where $EndElements should"},
+      {"\n13 1 1 0", "\n2 1 1 0", "$Nodes: the number 2 is given twice"},
+      {"\n13 1 1 0", "\n1999999999 1 1 0", "$Nodes: the numbers run from 1 to 1999999999"},
   };
-  for (const auto& [what, by] : changes) {
+  for (const auto& [what, by, words] : changes) {
     SCOPED_TRACE(by);
-    expect_contains(refusal(text_file("wrong.msh", replaced(square_22, what, by))), {"wrong.msh"});
+    expect_contains(refusal(text_file("wrong.msh", replaced(square_22, what, by))), {"wrong.msh", words});
   }
-  for (const auto& [what, by] : std::vector<std::pair<std::string, std::string>>{{"4 2 10 3 6 11 7", "4 2 10 3 6 11 13"},
-                                                                                 {"4 2 10 3 6 11 7", "4 2 10 3 6 11 0"},
-                                                                                 {"1 12 1 12", "1 12 1 5"},
-                                                                                 {"3 2 6 1", "3 2 6 1000000"},
-                                                                                 {"3 2 6 1", "7 2 6 1"},
-                                                                                 {"0 0 1 2\n1", "0 0 1 -2\n1"}}) {
+}
+
+TEST_F(Readers, gmsh_41_files_with_wrong_numbers_are_refused) {
+  const std::vector<Change> changes{
+      {"4 2 10 3 6 11 7", "4 2 10 3 6 11 13", "$Elements, element 4: node 13 does not exist"},
+      {"1 12 1 12", "1 12 1 5", "$Nodes: node 6 is outside the range 1 to 5"},
+      {"1 12 1 12", "1 11 1 12", "$Nodes: 11 nodes are announced and 12 given"},
+      {"5 5 1 5", "5 6 1 5", "6 elements are announced and 5 given"},
+      {"3 2 6 1", "3 2 6 1000000", "it announces 1000000"},
+      {"3 2 6 1", "7 2 6 1", "entity 2 of dimension 7 is not in $Entities"},
+      {"3 2 6 1", "3 9 6 1", "entity 9 of dimension 3 is not in $Entities"},
+      {"0 0 1 2\n1", "0 0 1 -2\n1", "$Entities: it announces -2"},
+      {"$Entities", "$Entity", "$Entities: it is missing"},
+  };
+  for (const auto& [what, by, words] : changes) {
     SCOPED_TRACE(by);
-    expect_contains(refusal(text_file("wrong.msh", replaced(mixed_41, what, by))), {"wrong.msh"});
+    expect_contains(refusal(text_file("wrong.msh", replaced(mixed_41, what, by))), {"wrong.msh", words});
   }
 }
 
