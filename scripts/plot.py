@@ -59,13 +59,13 @@ def magnitude(vectors):
 
 
 def fracture_panels(fields):
-    """Scalars to draw on fractures, by field name: vectors by magnitude, and 0 for what is round-off beside fields of the same kind."""
+    """Scalars to draw on fractures, by field name: vectors by magnitude, and 0 for what is round-off beside fields of the same unit."""
     scalars = {name: fields[name] if fields[name].ndim == 1 else magnitude(fields[name]) for name in LABELS if name in fields}
+    unit = {name: LABELS[name].split("[")[-1] for name in scalars}
     largest = {}
     for name, values in scalars.items():
-        kind = name.split("_")[0]
-        largest[kind] = max(largest.get(kind, 0), np.abs(values).max(initial=0))
-    return {name: np.where(np.abs(values) > 1e-12 * largest[name.split("_")[0]], values, 0) for name, values in scalars.items()}
+        largest[unit[name]] = max(largest.get(unit[name], 0), np.abs(values).max(initial=0))
+    return {name: np.where(np.abs(values) > 1e-12 * largest[unit[name]], values, 0) for name, values in scalars.items()}
 
 
 # ---------------------------------------------------------------------------------------------------------------- 2D
@@ -165,11 +165,16 @@ def draw_curves(axes_row, fractures, number, quantities):
 def draw_2d(matrix, fractures, png):
     quantities = curves(fractures) if fractures is not None else []
     numbers = np.unique(fractures.fields.get("fracture", 0)) if quantities else []
-    figure = plt.figure(figsize=(max(9, 4.2 * len(quantities)), 6 + 3 * len(numbers)), layout="constrained")
-    upper, *lower = np.atleast_1d(figure.subfigures(1 + len(numbers), 1, height_ratios=[2] + [1] * len(numbers)))
+    columns = min(3, len(quantities))
+    rows = -(-len(quantities) // columns) if columns else 0
+    figure = plt.figure(figsize=(12, 6 + 3 * rows * len(numbers)), layout="constrained")
+    upper, *lower = np.atleast_1d(figure.subfigures(1 + len(numbers), 1, height_ratios=[2] + [rows] * len(numbers)))
     draw_domain(upper.subplots(), matrix, fractures)
-    for number, row in zip(numbers, lower):
-        draw_curves(np.atleast_1d(row.subplots(1, len(quantities))), fractures, number, quantities)
+    for number, part in zip(numbers, lower):
+        grid = part.subplots(rows, columns, squeeze=False).ravel()
+        for unused in grid[len(quantities) :]:
+            unused.set_axis_off()
+        draw_curves(grid, fractures, number, quantities)
     figure.savefig(png, dpi=130)
 
 
