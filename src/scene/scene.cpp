@@ -192,8 +192,11 @@ Scene read_scene(const Document& document, const std::filesystem::path& file) {
   return scene;
 }
 
-std::string read_text(const std::filesystem::path& file) {
-  if (std::filesystem::is_directory(file))
+}  // namespace
+
+std::string read_scene_text(const std::filesystem::path& file) {
+  std::error_code unreadable;
+  if (std::filesystem::is_directory(file, unreadable))
     throw InputError("this is a folder", file.string(), fmt::format("Name the scene: {}", (file / "scene.yaml").string()));
   std::ifstream in(file, std::ios::binary);
   std::ostringstream text;
@@ -201,8 +204,6 @@ std::string read_text(const std::filesystem::path& file) {
     throw InputError("the scene cannot be read, or is empty", file.string(), "Check its name and permissions");
   return text.str();
 }
-
-}  // namespace
 
 Scene parse_scene(const std::string& text, const std::filesystem::path& file, const std::vector<std::string>& overrides) {
   Value tree = parse_yaml(text, file.string());
@@ -215,8 +216,9 @@ Scene parse_scene(const std::string& text, const std::filesystem::path& file, co
 }
 
 Scene load_scene(const std::filesystem::path& file, const std::vector<std::string>& overrides) {
-  Scene scene = parse_scene(read_text(file), file, overrides);
-  if (!scene.mesh.box && !std::filesystem::exists(scene.mesh.file))
+  Scene scene = parse_scene(read_scene_text(file), file, overrides);
+  std::error_code unreadable;
+  if (!scene.mesh.box && !std::filesystem::exists(scene.mesh.file, unreadable))
     throw InputError(fmt::format("there is no file {}", scene.mesh.file.string()), scene.mesh.place,
                      "File names are relative to the scene's folder");
   return scene;

@@ -56,7 +56,7 @@ std::vector<Key> make_keys() {
       {.path = "mesh.box.cells",
        .kind = count,
        .shape = S::vector,
-       .standard = "(1 on graded axes)",
+       .standard = "(1 on graded axes, else required)",
        .help = "Cells along each axis; ignored on graded axes.",
        .range = positive_count},
       {.path = "mesh.box.shape",

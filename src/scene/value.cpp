@@ -53,7 +53,7 @@ Value Value::map(std::string place) {
 namespace {
 
 constexpr int deepest = 32;          // The schema is 5 deep.
-constexpr long largest = 2'000'000;  // Values; some 100 000 fractures.
+constexpr long largest = 1'000'000;  // Values; some 50 000 fractures.
 
 /// Turns yaml-cpp's graph into a tree; what cannot be a scene stops it.
 class Copier {

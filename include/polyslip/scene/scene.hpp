@@ -54,8 +54,11 @@ struct Scene {
 /// Throws InputError naming file:line and key (or the -set argument), the value met and the remedy.
 Scene load_scene(const std::filesystem::path& file, const std::vector<std::string>& overrides = {});
 
-/// The same from text already read (the ranks of a parallel run parse what rank 0 has read); `file` places messages and relative
-/// paths.
+/// The text of a scene file. Throws InputError when it is missing, empty or a folder.
+std::string read_scene_text(const std::filesystem::path& file);
+
+/// The same as load_scene from text already read (the ranks of a parallel run parse what rank 0 has read); `file` places messages
+/// and relative paths. Whether mesh.file exists is left to its reader.
 Scene parse_scene(const std::string& text, const std::filesystem::path& file, const std::vector<std::string>& overrides = {});
 
 /// Checks what only the mesh can tell: dimension, tags, groups, regions, fractures, probes. Call on the serial mesh, on one rank,

@@ -274,7 +274,7 @@ TEST(refusals, are_the_worst_that_damaged_scenes_cause) {
                                         "null", "0", "-1", "1e308", "'",    "\"", "#", "&a ", "*a",  "x",  "t",     "?",
                                         "! ",   "|", ">",  "\t",    "\xff", "%",  "=", "1/0", "nan", "..", "[[[]]]"};
   int accepted = 0;
-  for (std::size_t i = 0; i < 3000; ++i) {
+  for (std::size_t i = 0; i < 1000; ++i) {
     std::string text = cracked;
     for (std::size_t edits = 1 + i % 2; edits > 0; --edits) {
       const std::size_t at = below(text.size());
@@ -288,7 +288,7 @@ TEST(refusals, are_the_worst_that_damaged_scenes_cause) {
       EXPECT_GT(std::string(error.what()).size(), 20U);
     }
   }
-  EXPECT_GT(accepted, 50) << "damage too heavy to test anything";
+  EXPECT_GT(accepted, 20) << "damage too heavy to test anything";
 }
 
 TEST(scene_files, that_cannot_be_read_are_named) {
