@@ -156,6 +156,37 @@ TEST(fractures, group_carries_its_side_straight_through_a_crossing) {
   }
 }
 
+TEST(fractures, group_carries_its_side_through_a_crossing_after_a_kink) {
+  // Upwards at x = -0.5, then to the right along y = 0 through x = 0: left of the path all along, though a face alone would turn to
+  // -y.
+  PolyMesh mesh = make_box(cube("quads", 4, 2));
+  add_group(mesh, "g", [](const Vec3& x, const Vec3&) {
+    return (x.x() == -0.5 && x.y() == -0.25) || (x.y() == 0.0 && std::abs(x.x()) < 0.5) || (x.x() == 0.0 && std::abs(x.y()) < 0.5);
+  });
+  mark_fractures(mesh, {by_group("g", "g")});
+  const auto faces = faces_of(mesh, 0);
+  ASSERT_EQ(faces.size(), 5U);
+  for (const Index f : faces) {
+    EXPECT_LT((n_plus(mesh, f) - (node_average(mesh, f).y() == 0.0 ? Vec3(0, 1, 0) : Vec3(-1, 0, 0))).norm(), 1e-12);
+  }
+}
+
+TEST(fractures, group_sides_start_anew_where_three_branches_meet_at_sharp_turns) {
+  PolyMesh mesh = make_box(cube("triangles", 4, 2));
+  add_group(mesh, "y", [](const Vec3& x, const Vec3&) {  // from the origin upwards, to the left and down to the left
+    return (x - Vec3(0, 0.25, 0)).norm() < 1e-9 || (x - Vec3(-0.25, 0, 0)).norm() < 1e-9 ||
+           (x - Vec3(-0.25, -0.25, 0)).norm() < 1e-9;
+  });
+  mark_fractures(mesh, {by_group("y", "y")});
+  const auto faces = faces_of(mesh, 0);
+  ASSERT_EQ(faces.size(), 3U);
+  for (const Index f : faces) {
+    const Vec3 x = node_average(mesh, f);
+    const Vec3 expected = x.x() == 0.0 ? Vec3(-1, 0, 0) : x.y() == 0.0 ? Vec3(0, -1, 0) : Vec3(1, -1, 0).normalized();
+    EXPECT_LT((n_plus(mesh, f) - expected).norm(), 1e-12) << x.transpose();
+  }
+}
+
 void expect_refusal(const BoxSpec& spec, const std::vector<FractureGeometry>& fractures,
                     const std::vector<std::string>& fragments) {
   PolyMesh mesh = make_box(spec);
