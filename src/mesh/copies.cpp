@@ -91,16 +91,18 @@ void build_copies(PolyMesh& mesh) {
     }
   }
 
-  // The smallest corner of a set is its representative, hence met first in the order of the cells.
   const Csr at_node = corners_by_node(mesh);
   mesh.cell_copies.assign(mesh.cell_nodes.values.size(), -1);
   for (Index s = 0; s < mesh.n_nodes(); ++s) {
-    const Index first = mesh.n_copies();
-    if (!on_fracture[s]) mesh.copy_node.push_back(s);
-    for (const Index corner : at_node[s]) {
-      const Index root = on_fracture[s] ? corners.find(corner) : corner;
-      if (on_fracture[s] && root == corner) mesh.copy_node.push_back(s);
-      mesh.cell_copies[corner] = !on_fracture[s] ? first : root == corner ? mesh.n_copies() - 1 : mesh.cell_copies[root];
+    if (!on_fracture[s]) {
+      for (const Index corner : at_node[s]) mesh.cell_copies[corner] = mesh.n_copies();
+      mesh.copy_node.push_back(s);
+      continue;
+    }
+    for (const Index corner : at_node[s]) {  // the representative of a set is its smallest corner, so it is met before the others
+      const Index root = corners.find(corner);
+      if (root == corner) mesh.copy_node.push_back(s);
+      mesh.cell_copies[corner] = root == corner ? mesh.n_copies() - 1 : mesh.cell_copies[root];
     }
   }
 }

@@ -24,12 +24,12 @@ struct BoxSpec {
   std::array<double, 3> min{}, max{};                 ///< [m]
   std::array<Index, 3> cells{};                       ///< Counts; ignored on graded axes.
   std::array<std::optional<AxisGrading>, 3> grading;  ///< By axis.
-  std::string shape = "hexahedra";  ///< quads, triangles, polygons; hexahedra, tets, prisms, polyhedra, warped, cut.
-  double shake = 0.2;               ///< Largest move of an inner node in units of the smallest spacing around it (warped, cut), or of a Voronoi
-                                    ///< seed in units of the spacing (polygons, polyhedra).
+  std::string shape = "hexahedra";  ///< quads, triangles, polygons, warped (2D); hexahedra, tets, prisms, polyhedra, warped, cut (3D).
+  double shake = 0.2;               ///< Largest move along each axis of an inner node in units of the smallest spacing around it (warped,
+                                    ///< cut), or of a Voronoi seed in units of the spacing (polygons, polyhedra). Below 0.5.
   std::uint64_t seed = 1;
   /// Planes that must stay unions of faces: axis and coordinate (the planes of axis-aligned fractures). Shaken nodes on them slide within them;
-  /// Voronoi seeds are mirrored about them.
+  /// Voronoi seeds are mirrored about them. A fracture that ends inside the box needs the planes through its ends (edges) kept too.
   std::vector<std::pair<int, double>> kept_planes;
   std::string where = "mesh.box";  ///< For messages.
 };

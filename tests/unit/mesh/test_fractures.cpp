@@ -88,6 +88,16 @@ TEST(fractures, faces_match_oblique_and_non_convex_polygons) {
   EXPECT_NEAR(mesh.fracture_length[1], std::sqrt(1.25), 1e-12);
 }
 
+TEST(fractures, that_end_inside_are_covered_where_the_planes_of_their_edges_are_kept) {
+  for (const char* shape : {"hexahedra", "tets", "prisms", "polyhedra", "warped", "cut"}) {
+    BoxSpec spec = cube(shape, 8);
+    spec.kept_planes = {{0, 0.0}, {1, -0.5}, {1, 0.5}, {2, -0.5}, {2, 0.5}};
+    PolyMesh mesh = make_box(spec);
+    mark_fractures(mesh, {by_points("F", {{0, -0.5, -0.5}, {0, 0.5, -0.5}, {0, 0.5, 0.5}, {0, -0.5, 0.5}})});
+    EXPECT_NEAR(mesh.fracture_length[0], 1.0, 1e-12) << shape;
+  }
+}
+
 TEST(fractures, tip_distance_is_to_the_ends_inside_the_domain_only) {
   PolyMesh mesh = make_box(cube("quads", 8, 2));
   mark_fractures(
