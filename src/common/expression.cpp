@@ -107,15 +107,6 @@ std::string spoken(const mu::ParserError& error) {
   return message;
 }
 
-/// Position (from 0) at which muParser met the error: it points behind a token that it has read.
-std::size_t error_position(const mu::ParserError& error, const std::string& text) {
-  if (error.GetPos() < 0 || text.empty()) return 0;
-  const auto end = std::min(static_cast<std::size_t>(error.GetPos()), text.size());
-  const std::string& token = error.GetToken();
-  const bool behind = !token.empty() && end >= token.size() && text.compare(end - token.size(), token.size(), token) == 0;
-  return behind ? end - token.size() : end;
-}
-
 /// What formulas read and write: the variables and, in order, the definitions that are used, each bound to a slot.
 struct Tape {
   std::array<double, variable_names.size()> variables{};  ///< In the order of variable_names.
@@ -154,7 +145,8 @@ class Compiler {
       result.parser.Eval();  // The first evaluation is the one that compiles.
       if (result.parser.GetNumResults() != 1) refuse(where, text, "a second value", text.find(','), "Give one value");
     } catch (const mu::ParserError& error) {
-      refuse(where, text, spoken(error), error_position(error, text));
+      // The position is -1 when muParser cannot tell, and one too far at the end.
+      refuse(where, text, spoken(error), static_cast<std::size_t>(std::clamp(error.GetPos(), 0, static_cast<int>(text.size()))));
     }
     return result;
   }

@@ -114,6 +114,7 @@ TEST(refusals, keep_the_order_of_definitions) {
 
 TEST(refusals, point_at_errors_of_syntax) {
   EXPECT_CONTAINS(refusal("2*+*x"), "at column 4 of the expression \"2*+*x\"");
+  EXPECT_CONTAINS(refusal("x**y"), "at column 3 of");
   EXPECT_CONTAINS(refusal("2 x"), "unexpected variable \"x\" at column 3");
   EXPECT_CONTAINS(refusal("(x"), "missing parenthesis at column 3");
   EXPECT_CONTAINS(refusal("sin()"), "too few parameters for function \"sin\"");

@@ -162,6 +162,10 @@ TEST(scenes, keep_the_planes_of_axis_aligned_fractures) {
   const std::string bent = "fractures: [{name: bent, points: [[0.2, 0], [0.2, 0.5], [0.6, 0.5], [0.8, 0.9], [0.8, 0.5]]}]\n";
   const Scene scene = parse(smallest + bent + "contact: {law: frictionless}\n");
   EXPECT_EQ(scene.mesh.box->kept_planes, (Planes{{0, 0.2}, {1, 0.5}, {0, 0.8}}));
+  const std::string same =
+      with(bent, "}]", "}, {name: other, points: [[0.7, 0.5], [0.9, 0.5]]}, {name: side, points: [[1, 0], [1, 1]]}]");
+  EXPECT_EQ(parse(smallest + same + "contact: {law: frictionless}\n").mesh.box->kept_planes, scene.mesh.box->kept_planes)
+      << "each once, and none on the boundary";
 }
 
 TEST(scenes, have_documented_defaults) {
