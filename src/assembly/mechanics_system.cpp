@@ -309,7 +309,7 @@ void MechanicsSystem::residual(Vec x, Vec f) const {
   for (Index i = 0; i < layout_.nodal_size(); ++i) rows[i] += fixed()[i] ? -loads_.dirichlet[i] : lift_[i] - loads_.nodal[i];
   const int dim = layout_.dim();
   for (Index face = 0; face < mesh_.fractures.owned; ++face) {
-    const Vec3 r = cells_.faces()[face].area * physics::contact_residual(law_of(face), point(face, work_), beta_of(face));
+    const Vec3 r = cells_.faces()[face].area * physics::contact_residual(law_of(face), point(face, work_), augmentation(face));
     for (int a = 0; a < dim; ++a) {
       rows[layout_.bubble_start() + dim * face + a] -= loads_.bubble[static_cast<std::size_t>(dim) * face + a];
       rows[layout_.multiplier_start() + dim * face + a] = r[a];
@@ -339,7 +339,7 @@ double MechanicsSystem::contact_merit(const ContactLine& line, double alpha) con
   double squares = 0;
   for (std::size_t face = 0; face < line.at.size(); ++face) {
     const auto f = static_cast<Index>(face);
-    squares += std::pow(cells_.faces()[f].area, 2) * physics::contact_residual(law_of(f), along(line, face, alpha), beta_of(f)).squaredNorm();
+    squares += std::pow(cells_.faces()[f].area, 2) * physics::contact_residual(law_of(f), along(line, face, alpha), augmentation(f)).squaredNorm();
   }
   return mpi::sum(mesh_.comm, squares);
 }
@@ -349,7 +349,7 @@ void MechanicsSystem::set_contact_rows(const ContactLine& line, double alpha, Ve
   const int dim = layout_.dim();
   for (std::size_t face = 0; face < line.at.size(); ++face) {
     const auto k = static_cast<Index>(face);
-    const Vec3 r = cells_.faces()[k].area * physics::contact_residual(law_of(k), along(line, face, alpha), beta_of(k));
+    const Vec3 r = cells_.faces()[k].area * physics::contact_residual(law_of(k), along(line, face, alpha), augmentation(k));
     for (int a = 0; a < dim; ++a) rows[layout_.multiplier_start() + dim * k + a] = r[a];
   }
 }
@@ -364,7 +364,7 @@ ResidualNorms MechanicsSystem::norms(Vec x, Vec f) const {
     const ContactFace& contact = cells_.faces()[face];
     const ContactPoint p = point(face, work_);
     const double area2 = contact.area * contact.area;
-    squares[1] += area2 * physics::contact_residual(law_of(face), p, contact.stiffness).squaredNorm();
+    squares[1] += area2 * physics::contact_residual(law_of(face), p, {contact.stiffness}).squaredNorm();
     squares[2] += area2 * (p.lam.squaredNorm() + std::pow(contact.stiffness, 2) * p.jump.squaredNorm());
   }
   mpi::sum_in_place(mesh_.comm, squares);
@@ -376,7 +376,7 @@ std::vector<ContactState> MechanicsSystem::states(Vec x) const {
   layout_.gather(x, work_);
   std::vector<ContactState> states;
   for (Index face = 0; face < mesh_.fractures.owned; ++face)
-    states.push_back(physics::contact_state(law_of(face), point(face, work_), beta_of(face)));
+    states.push_back(physics::contact_state(law_of(face), point(face, work_), augmentation(face)));
   return states;
 }
 
@@ -394,7 +394,7 @@ void MechanicsSystem::linearise(Vec x, MatrixContent content) {
   std::vector<char> differs(static_cast<std::size_t>(n), 0);
   for (Index face = 0; face < n; ++face) {
     if (cells_.faces()[face].cell < 0) continue;
-    law_[face] = linearise_contact(law_of(face), point(face, work_), beta_of(face));
+    law_[face] = linearise_contact(law_of(face), point(face, work_), augmentation(face));
     symmetric[face] = law_[face];
     if (law_[face].state != ContactState::slip || law_of(face).friction == 0) continue;
     differs[face] = 1;

@@ -12,10 +12,12 @@ namespace polyslip::solver {
 using assembly::Loads;
 using assembly::MechanicsSystem;
 
-/// One remedy: the size of beta relative to the scene's, and a factor on friction reached before the whole of it.
+/// One way to the solution: the size of beta relative to the scene's, a factor on friction reached before the whole of it, and whether
+/// springs come first.
 struct ContactNewton::Rung {
   double beta_factor;
   double first_friction;
+  bool springs;
   const char* remedy;
 };
 
@@ -134,12 +136,18 @@ PetscErrorCode ContactNewton::test_convergence(SNES snes, PetscInt iteration, Pe
     *reason = SNES_DIVERGED_LINEAR_SOLVE;
   } else if (n.momentum <= std::max(atol, rtol * n.momentum_scale) && n.contact <= std::max(atol, rtol * n.contact_scale)) {
     *reason = SNES_CONVERGED_FNORM_RELATIVE;
-  } else if (self->trace_.cycle) {
+  } else if (self->trace_.cycle || self->is_unsettled(static_cast<int>(iteration))) {
     *reason = SNES_DIVERGED_LINE_SEARCH;
   } else if (iteration >= max_it) {
     *reason = SNES_DIVERGED_MAX_IT;
   }
   PetscFunctionReturn(0);
+}
+
+/// Many faces change state although the first step has shown where the loads press: springs get there sooner.
+bool ContactNewton::is_unsettled(int iteration) {
+  unsettled_ = may_soften_ && iteration == 2 && static_cast<double>(trace_.changed) > std::max(16.0, 0.1 * system_.fracture_faces());
+  return unsettled_;
 }
 
 void ContactNewton::record(int iteration, const assembly::ResidualNorms& n) {
@@ -176,7 +184,23 @@ bool ContactNewton::run(Vec x, const std::string& remedy, NewtonResult& result) 
   return result.converged;
 }
 
+void ContactNewton::approach_by_springs(Vec x, NewtonResult& result) {
+  // Stiffer and stiffer springs, one Newton step each: the front of the active set moves h/(scale) at a time instead of one face.
+  PetscReal atol = 0, rtol = 0, stol = 0;
+  PetscInt max_it = 0, max_f = 0;
+  POLYSLIP_PETSC(SNESGetTolerances(snes_, &atol, &rtol, &stol, &max_it, &max_f));
+  POLYSLIP_PETSC(SNESSetTolerances(snes_, atol, rtol, stol, 1, max_f));
+  system_.use_springs(true);
+  for (double scale : {0.1, 0.4, 1.6}) {
+    system_.set_beta_scale(scale);
+    run(x, fmt::format("springs of {:g} (2 mu + lambda)/h first", scale), result);
+  }
+  system_.use_springs(false);
+  POLYSLIP_PETSC(SNESSetTolerances(snes_, atol, rtol, stol, max_it, max_f));
+}
+
 bool ContactNewton::climb(Vec x, const Rung& rung, NewtonResult& result) {
+  if (rung.springs) approach_by_springs(x, result);
   system_.set_beta_scale(rung.beta_factor * system_.problem().beta_scale);
   bool converged = true;
   for (double factor = rung.first_friction; converged; factor = std::min(1.0, 2 * factor)) {
@@ -197,8 +221,9 @@ bool ContactNewton::reach_loads_in_parts(Vec x, const Loads& previous, NewtonRes
     system_.set_loads(Loads::blend(previous, whole, s));
     system_.impose_dirichlet(x);
     converged = false;
-    for (const Rung& rung : {Rung{0.3, 1, ""}, Rung{0.03, 1, ""}, Rung{0.3, 0.25, ""}}) {
-      converged = climb(x, {rung.beta_factor, rung.first_friction, fmt::format("loads times {:g}", s).c_str()}, result);
+    const std::string remedy = fmt::format("loads times {:g}", s);
+    for (const Rung& rung : {Rung{0.3, 1, false, remedy.c_str()}, Rung{0.3, 1, true, remedy.c_str()}, Rung{0.3, 0.25, false, remedy.c_str()}}) {
+      converged = climb(x, rung, result);
       if (converged) break;
     }
   }
@@ -210,16 +235,21 @@ NewtonResult ContactNewton::solve(Vec x, const Loads* previous) {
   NewtonResult result;
   system_.impose_dirichlet(x);
   POLYSLIP_PETSC(VecCopy(x, start_));
-  static constexpr Rung ladder[] = {{1, 1, ""},
-                                    {0.1, 1, "another beta"},
-                                    {10, 1, "another beta"},
-                                    {0.3, 0.25, "continuation in friction"},
-                                    {0.03, 0.25, "continuation in friction"}};
+  may_soften_ = true;
+  bool converged = climb(x, {1, 1, false, ""}, result);
+  may_soften_ = false;
+  if (!converged && unsettled_) converged = climb(x, {1, 1, true, ""}, result);
+  if (converged || system_.fracture_faces() == 0) return result;  // a linear problem has no remedy here
+  static constexpr Rung ladder[] = {{0.3, 1, true, "springs first"},
+                                    {0.1, 1, false, "another beta"},
+                                    {10, 1, false, "another beta"},
+                                    {0.3, 0.25, false, "continuation in friction"},
+                                    {0.03, 0.25, true, "continuation in friction"}};
   for (const Rung& rung : ladder) {
-    if (&rung != ladder && system_.fracture_faces() == 0) break;  // a linear problem has no remedy here
-    if (climb(x, rung, result)) return result;
     POLYSLIP_PETSC(VecCopy(start_, x));
+    if (climb(x, rung, result)) return result;
   }
+  POLYSLIP_PETSC(VecCopy(start_, x));
   if (previous != nullptr && system_.fracture_faces() > 0 && reach_loads_in_parts(x, *previous, result)) return result;
   POLYSLIP_PETSC(VecCopy(start_, x));
   return result;

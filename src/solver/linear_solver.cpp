@@ -65,6 +65,9 @@ void LinearSolver::choose() {
     POLYSLIP_PETSC(PCSetType(pc, PCGAMG));
     const std::string p = std::string("-") + prefix;
     default_option(p + "pc_gamg_threshold", "0.02");
+    // The aggregates serve all contact states; the smoothers' eigenvalues do not, and estimates made for aggregation would go stale.
+    default_option(p + "pc_gamg_reuse_interpolation", "true");
+    default_option(p + "pc_gamg_use_sa_esteig", "false");
     default_option(p + "mg_levels_ksp_type", "chebyshev");
     default_option(p + "mg_levels_pc_type", "jacobi");
     default_option(p + "mg_levels_ksp_max_it", "2");

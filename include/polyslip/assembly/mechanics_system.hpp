@@ -58,6 +58,8 @@ class MechanicsSystem {
   /// beta_n = beta_t = scale (2 mu + lambda)/h_K
   void set_beta_scale(double scale) { beta_scale_ = scale; }
   [[nodiscard]] double beta_scale() const { return beta_scale_; }
+  /// Springs of stiffness beta instead of contact (an approach to the solution, see Augmentation::theta), or the contact law.
+  void use_springs(bool springs) { theta_ = springs ? 0 : 1; }
   /// Multiplies every friction coefficient and bound (continuation); 1 is the problem itself.
   void set_friction_factor(double factor) { friction_factor_ = factor; }
 
@@ -99,7 +101,9 @@ class MechanicsSystem {
   void compute_lift();
   void write_contact_rows(MatrixContent content);
   [[nodiscard]] physics::ContactLaw law_of(Index face) const;
-  [[nodiscard]] double beta_of(Index face) const { return beta_scale_ * cells_.faces()[face].stiffness; }
+  [[nodiscard]] physics::Augmentation augmentation(Index face) const {
+    return {beta_scale_ * cells_.faces()[face].stiffness, theta_};
+  }
   [[nodiscard]] physics::ContactPoint point(Index face, const MechanicalState& state) const;
   void momentum_rows(Vec y, std::span<const double> fracture_pressure, Vec r) const;
   void add_bulk(Vec nodal_free, std::span<double> rows) const;
@@ -120,7 +124,7 @@ class MechanicsSystem {
   Loads loads_;
   std::vector<double> lift_;  ///< A_{free, prescribed} u_D, dim copies.owned [N]
   double load_scale_ = 0;     ///< Norm of lift and loads [N]
-  double beta_scale_ = 0.1, friction_factor_ = 1;
+  double beta_scale_ = 0.1, theta_ = 1, friction_factor_ = 1;
   std::vector<Vec3> previous_;  ///< J_sigma u^{n-1} by local fracture face.
   std::vector<physics::ContactLinearisation> law_;
 

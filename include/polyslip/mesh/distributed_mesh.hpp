@@ -25,9 +25,10 @@ struct Numbering {
 /// fracture blocks included. Ranks may own no cell.
 struct DistributedMesh {
   MPI_Comm comm = MPI_COMM_SELF;
-  PolyMesh mesh;  ///< Owned cells first. Faces of ghosts whose neighbour is not here have face_cells[f][1] = -1 and are not boundary
-                  ///< (see face_is_boundary); if the serial mesh had the missing cell first, the face is turned. Fracture faces are
-                  ///< never turned: one of an outer ghost whose + side is not here has face_cells[f][0] = -1, and is not listed below.
+  PolyMesh mesh;  ///< Owned cells first. Faces of ghosts whose neighbour is not here have face_cells[f][1] = -1 and are not
+                  ///< boundary (see face_is_boundary); if the serial mesh had the missing cell first, the face is turned.
+                  ///< Fracture faces are never turned: one of an outer ghost whose + side is not here has
+                  ///< face_cells[f][0] = -1, and is not listed in fracture_faces.
   std::vector<char> face_is_boundary;  ///< 1 on faces on the boundary of the whole domain, one a local face.
 
   Numbering cells;

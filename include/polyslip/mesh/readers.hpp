@@ -7,9 +7,9 @@
 
 namespace polyslip::mesh {
 
-/// Serial mesh from `file` by its ending: .msh (Gmsh) or .h5 (native). Call on one rank. Copies are not built; fractures are marked only
-/// where a native file has them. Boundary faces that a Gmsh file leaves without group are tagged left, right, ... (as generated boxes are)
-/// where they lie on a side of the bounding box.
+/// Serial mesh from `file` by its ending: .msh (Gmsh) or .h5 (native). Call on one rank. Copies are not built; fractures are
+/// marked only where a native file has them. Boundary faces that a Gmsh file leaves without group are tagged left, right, ... (as
+/// generated boxes are) where they lie on a side of the bounding box.
 /// Throws InputError: missing file, unknown format, non-manifold face, degenerate cell, ... each with file, place and remedy.
 PolyMesh read_mesh(const std::filesystem::path& file);
 

@@ -1,10 +1,11 @@
 // The semi-smooth contact and friction equations of one fracture face (scheme.md section 3), in its frame (n, t_1, t_2).
 //
-// With z = lam + beta (J_n, J_t - J_t^{n-1}):
+// With z = theta lam + beta (J_n, J_t - J_t^{n-1}):
 //   normal       R_n = lam_n - max(0, z_n)
 //   tangential   R_t = lam_t - P_a(z_t),   a = F max(0, z_n) (Coulomb), a = g (Tresca), a = 0 (no friction)
 // P_a is the projection on the ball of radius a. Contact at z_n >= 0; open below. Stick at |z_t| <= a with a law that has friction.
-// R is in Pa; the solution does not depend on beta.
+// R is in Pa. theta = 1 is the law itself, and its solution does not depend on beta. theta = 0 replaces contact by springs of stiffness beta
+// (a penalty, Moreau-Yosida regularisation): soft springs let the active set move over many faces in one Newton step.
 #pragma once
 
 #include <cmath>
@@ -29,6 +30,12 @@ struct ContactPoint {
   Vec3 previous;  ///< J_sigma u at the previous time [m]; only its tangential part matters.
 };
 
+/// How multiplier and jump are added up in z.
+struct Augmentation {
+  double beta;       ///< [Pa/m]
+  double theta = 1;  ///< 1: the contact law; 0: springs.
+};
+
 struct ContactLinearisation {
   Vec3 residual;            ///< R [Pa]
   Eigen::Matrix3d d_lam;    ///< dR/dlam [-]
@@ -45,9 +52,10 @@ struct Augmented {
   ContactState state;
 };
 
-inline Augmented augment(const ContactLaw& law, const ContactPoint& p, double beta) {
+inline Augmented augment(const ContactLaw& law, const ContactPoint& p, const Augmentation& by) {
+  const double beta = by.beta;
   Augmented a;
-  a.z = p.lam + beta * p.jump;
+  a.z = by.theta * p.lam + beta * p.jump;
   a.z[1] -= beta * p.previous[1];
   a.z[2] -= beta * p.previous[2];
   a.length = std::hypot(a.z[1], a.z[2]);
@@ -61,8 +69,8 @@ inline Augmented augment(const ContactLaw& law, const ContactPoint& p, double be
 }  // namespace detail
 
 /// R alone.
-inline Vec3 contact_residual(const ContactLaw& law, const ContactPoint& p, double beta) {
-  const auto a = detail::augment(law, p, beta);
+inline Vec3 contact_residual(const ContactLaw& law, const ContactPoint& p, const Augmentation& by) {
+  const auto a = detail::augment(law, p, by);
   Vec3 r = p.lam;
   r[0] -= std::max(0.0, a.z[0]);
   const double shrink = a.length > a.radius ? a.radius / a.length : 1.0;
@@ -72,11 +80,11 @@ inline Vec3 contact_residual(const ContactLaw& law, const ContactPoint& p, doubl
 }
 
 /// R and its derivatives; exact away from the kinks z_n = 0 and |z_t| = a, one of the two sides on them.
-inline ContactLinearisation linearise_contact(const ContactLaw& law, const ContactPoint& p, double beta) {
-  const auto a = detail::augment(law, p, beta);
+inline ContactLinearisation linearise_contact(const ContactLaw& law, const ContactPoint& p, const Augmentation& by) {
+  const auto a = detail::augment(law, p, by);
   ContactLinearisation l;
   l.state = a.state;
-  l.residual = contact_residual(law, p, beta);
+  l.residual = contact_residual(law, p, by);
   Eigen::Matrix3d d_z = Eigen::Matrix3d::Zero();  // derivative of (max(0, z_n), P_a(z_t)) with respect to z
   if (a.z[0] >= 0) d_z(0, 0) = 1;
   if (a.length <= a.radius && a.radius > 0) {
@@ -88,12 +96,14 @@ inline ContactLinearisation linearise_contact(const ContactLaw& law, const Conta
     d_z.bottomRightCorner<2, 2>() = a.radius / a.length * (Eigen::Matrix2d::Identity() - e * e.transpose());
     if (law.kind == FrictionLaw::coulomb) d_z.block<2, 1>(1, 0) = law.friction * e;
   }
-  l.d_lam = Eigen::Matrix3d::Identity() - d_z;
-  l.d_jump = -beta * d_z;
+  l.d_lam = Eigen::Matrix3d::Identity() - by.theta * d_z;
+  l.d_jump = -by.beta * d_z;
   return l;
 }
 
 /// The state that linearise_contact would use.
-inline ContactState contact_state(const ContactLaw& law, const ContactPoint& p, double beta) { return detail::augment(law, p, beta).state; }
+inline ContactState contact_state(const ContactLaw& law, const ContactPoint& p, const Augmentation& by) {
+  return detail::augment(law, p, by).state;
+}
 
 }  // namespace polyslip::physics

@@ -50,6 +50,7 @@ class Cursor {
   /// Place and path, for messages; of a missing key, the place of what it is missing from.
   [[nodiscard]] std::string where() const { return scene::where(value_ != nullptr ? *value_ : *parent_, path_); }
   [[nodiscard]] const std::string& path() const { return path_; }
+  [[nodiscard]] const std::string& place() const { return value_ != nullptr ? value_->place : parent_->place; }
 
   [[nodiscard]] std::string text() const { return value_ != nullptr ? value_->text : ""; }
   [[nodiscard]] double number() const;

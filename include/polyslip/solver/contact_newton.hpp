@@ -61,6 +61,8 @@ class ContactNewton {
   void set_up_saddle();
   bool run(Vec x, const std::string& remedy, NewtonResult& result);
   bool climb(Vec x, const Rung& rung, NewtonResult& result);
+  void approach_by_springs(Vec x, NewtonResult& result);
+  bool is_unsettled(int iteration);
   bool reach_loads_in_parts(Vec x, const assembly::Loads& previous, NewtonResult& result);
   [[nodiscard]] std::string why(SNESConvergedReason reason) const;
   void record(int iteration, const assembly::ResidualNorms& norms);
@@ -77,6 +79,7 @@ class ContactNewton {
   la::Handle<Mat> jacobian_;  ///< Shell (condensed) or assembled (saddle).
   la::Handle<Vec> residual_, start_;
   std::string remedy_;
+  bool may_soften_ = false, unsettled_ = false;
   assembly::ResidualNorms norms_;
   NewtonSeconds seconds_;
   LinearCounts saddle_counts_;
