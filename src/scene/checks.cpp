@@ -1,6 +1,7 @@
 #include "polyslip/scene/checks.hpp"
 
 #include <fmt/format.h>
+#include <fmt/ranges.h>
 
 #include <algorithm>
 #include <cmath>
@@ -59,12 +60,12 @@ void check_box(const Cursor& box) {
   for (const Cursor& count : box["cells"].entries()) cells *= count.number();
   if (cells >= std::numeric_limits<Index>::max())
     refuse(box["cells"], fmt::format("{:.3g} cells are more than cell numbers can count", cells), "Give fewer");
+  static const std::map<std::size_t, std::vector<std::string>> shapes{
+      {2, {"quads", "triangles", "polygons", "warped"}}, {3, {"hexahedra", "tets", "prisms", "polyhedra", "warped", "cut"}}};
   const std::string shape = box["shape"].text();
-  const bool planar = shape == "quads" || shape == "triangles" || shape == "polygons";
-  if (planar != (dim == 2))
+  if (std::ranges::find(shapes.at(dim), shape) == shapes.at(dim).end())
     refuse(box["shape"], fmt::format("{} do not mesh a box in {}D", shape, dim),
-           dim == 2 ? "In 2D there are quads, triangles and polygons"
-                    : "In 3D there are hexahedra, tets, prisms, polyhedra, warped and cut");
+           fmt::format("Choose one of {}", fmt::join(shapes.at(dim), ", ")));
 }
 
 void check_mesh(const Cursor& mesh) {

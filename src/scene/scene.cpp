@@ -34,7 +34,7 @@ mesh::BoxSpec read_box(const Cursor& box) {
   spec.shape = box["shape"].text();
   spec.shake = box["shake"].number();
   spec.seed = static_cast<std::uint64_t>(box["seed"].number());
-  spec.where = box.where();
+  spec.where = box.place() + ", mesh.box";  // The mesh module appends the key that it means.
   return spec;
 }
 
@@ -58,16 +58,32 @@ std::vector<mesh::FractureGeometry> read_fractures(const Cursor& list) {
   return fractures;
 }
 
-/// Keeps the plane x_axis = c that all the points share, if they do and it cuts the inside of the box.
-void keep_plane(mesh::BoxSpec& box, std::span<const Vec3> points) {
-  for (int axis = 0; axis < box.dim; ++axis) {
+/// Keeps the plane x_axis = c if it cuts the inside of the box.
+void keep_plane(mesh::BoxSpec& box, int axis, double c) {
+  const auto i = static_cast<std::size_t>(axis);
+  const double slack = 1e-12 * (box.max[i] - box.min[i]);
+  const auto is_same = [&](const auto& plane) { return plane.first == axis && std::abs(plane.second - c) <= slack; };
+  const bool inside = c > box.min[i] + slack && c < box.max[i] - slack;
+  if (inside && std::ranges::none_of(box.kept_planes, is_same)) box.kept_planes.emplace_back(axis, c);
+}
+
+/// Keeps the plane of an axis-aligned piece, and the planes through its ends (edges), so that these too lie on faces.
+void keep_piece(mesh::BoxSpec& box, std::span<const Vec3> points) {
+  Vec3 low = points[0], high = points[0];
+  for (const Vec3& point : points) {
+    low = low.cwiseMin(point);
+    high = high.cwiseMax(point);
+  }
+  const auto is_flat = [&](int axis) {
     const auto i = static_cast<std::size_t>(axis);
-    const double c = points[0][axis], slack = 1e-12 * (box.max[i] - box.min[i]);
-    const auto shares = [&](const Vec3& point) { return std::abs(point[axis] - c) <= slack; };
-    const auto is_kept = [&](const auto& plane) { return plane.first == axis && std::abs(plane.second - c) <= slack; };
-    const bool inside = c > box.min[i] + slack && c < box.max[i] - slack;
-    if (inside && std::ranges::all_of(points, shares) && std::ranges::none_of(box.kept_planes, is_kept))
-      box.kept_planes.emplace_back(axis, c);
+    return high[axis] - low[axis] <= 1e-12 * (box.max[i] - box.min[i]);
+  };
+  bool aligned = false;
+  for (int axis = 0; axis < box.dim; ++axis) aligned = aligned || is_flat(axis);
+  if (!aligned) return;
+  for (int axis = 0; axis < box.dim; ++axis) {
+    keep_plane(box, axis, low[axis]);
+    keep_plane(box, axis, high[axis]);
   }
 }
 
@@ -75,9 +91,9 @@ void keep_fracture_planes(mesh::BoxSpec& box, const std::vector<mesh::FractureGe
   for (const auto& fracture : fractures) {
     const std::span<const Vec3> points = fracture.points;
     if (box.dim == 3)
-      keep_plane(box, points);
+      keep_piece(box, points);
     else
-      for (std::size_t i = 1; i < points.size(); ++i) keep_plane(box, points.subspan(i - 1, 2));
+      for (std::size_t i = 1; i < points.size(); ++i) keep_piece(box, points.subspan(i - 1, 2));
   }
 }
 

@@ -62,7 +62,7 @@ std::vector<Key> make_keys() {
       {.path = "mesh.box.shape",
        .kind = choice,
        .standard = "(quads or hexahedra)",
-       .help = "Shape of the cells: the first three in 2D, the others in 3D.",
+       .help = "Shape of the cells; 2D: quads, triangles, polygons, warped (quads), 3D: the others and warped (hexahedra).",
        .choices = {"quads", "triangles", "polygons", "hexahedra", "tets", "prisms", "polyhedra", "warped", "cut"}},
       {.path = "mesh.box.grading",
        .kind = names,

@@ -97,7 +97,7 @@ TEST(refusals, name_values_out_of_range) {
 TEST(refusals, name_unknown_choices) {
   expect_refusals(cracked,
                   {{"[4, 4]}", "[4, 4], shape: quad}", ":2 (mesh.box.shape)", "unknown value \"quad\". Did you mean \"quads\"?"},
-                   {"[4, 4]}", "[4, 4], shape: tets}", ":2 (mesh.box.shape)", "In 2D there are quads, triangles and polygons"},
+                   {"[4, 4]}", "[4, 4], shape: tets}", ":2 (mesh.box.shape)", "Choose one of quads, triangles, polygons, warped"},
                    {"friction: 0.5", "friction: 0.5, law: coulom", ":9 (contact.law)", "Did you mean \"coulomb\"?"},
                    {"friction: 0.5", "friction: 0.5, formulation: full", ":9 (contact.formulation)", "Known: condensed, saddle"},
                    {"mechanics:\n", "mechanics:\n  bubbles: all\n", ":6 (mechanics.bubbles)", "Known: fracture"},
