@@ -5,7 +5,6 @@
 #include <array>
 #include <charconv>
 #include <fstream>
-#include <limits>
 #include <sstream>
 #include <string>
 #include <string_view>

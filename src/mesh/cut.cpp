@@ -1,7 +1,9 @@
 #include "polyslip/mesh/cut.hpp"
 
 #include <algorithm>
+#include <array>
 #include <limits>
+#include <utility>
 
 namespace polyslip::mesh {
 

@@ -1,7 +1,9 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <cstdint>
 #include <numeric>
+#include <stdexcept>
 
 #include "polyslip/common/error.hpp"
 #include "polyslip/common/mpi.hpp"

@@ -18,8 +18,9 @@
 #include <fmt/format.h>
 #include <hdf5.h>
 
+#include <algorithm>
 #include <array>
-#include <cmath>
+#include <limits>
 #include <string>
 #include <type_traits>
 #include <utility>

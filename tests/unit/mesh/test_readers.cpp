@@ -7,7 +7,9 @@
 #include <cstdio>
 #include <cstdlib>
 #include <fstream>
+#include <functional>
 #include <map>
+#include <set>
 
 #include "polyslip/common/error.hpp"
 #include "polyslip/mesh/generators.hpp"
