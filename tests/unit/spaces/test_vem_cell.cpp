@@ -1,0 +1,112 @@
+#include <gtest/gtest.h>
+
+#include <Eigen/Geometry>
+
+#include "polyslip/spaces/vem_cell.hpp"
+#include "support/boxes.hpp"
+
+namespace polyslip::spaces {
+namespace {
+
+using tests::AffineField;
+using tests::Shape;
+
+/// Values of a field at the nodes of a cell and zero bubbles, as VemCell orders them.
+std::vector<double> interpolate(const mesh::PolyMesh& mesh, const VemCell& vem, const AffineField& field) {
+  std::vector<double> v;
+  for (Index s : mesh.cell_nodes[vem.cell()])
+    for (int a = 0; a < mesh.dim; ++a) v.push_back(field(mesh.nodes[s])[a]);
+  v.resize(static_cast<std::size_t>(mesh.dim) * vem.size(), 0.0);
+  return v;
+}
+
+class vem_cells : public testing::TestWithParam<Shape> {
+ protected:
+  mesh::PolyMesh mesh_ = tests::fractured_box(GetParam(), 4, 0.25, 0.75);
+  VemCell vem_{mesh_};
+};
+
+TEST_P(vem_cells, gradient_reproduces_linear_fields) {
+  const AffineField field(mesh_.dim);
+  for (Index cell = 0; cell < mesh_.n_cells(); ++cell) {
+    vem_.build(cell);
+    EXPECT_LT((vem_.gradient(interpolate(mesh_, vem_, field)) - field.gradient).norm(), 1e-12) << cell;
+  }
+}
+
+TEST_P(vem_cells, function_reproduces_linear_fields) {
+  const AffineField field(mesh_.dim);
+  for (Index cell = 0; cell < mesh_.n_cells(); ++cell) {
+    vem_.build(cell);
+    const auto v = interpolate(mesh_, vem_, field);
+    const Eigen::Matrix3d gradient = vem_.gradient(v);
+    for (const Vec3& x : {mesh_.nodes[mesh_.cell_nodes[cell][0]], vem_.xbar(), Vec3(0.2, 0.9, mesh_.dim == 3 ? 0.4 : 0.0)})
+      EXPECT_LT((vem_.value(gradient, v, x) - field(x)).norm(), 1e-12) << cell;
+  }
+}
+
+TEST_P(vem_cells, bubbles_stand_on_the_plus_side_of_each_fracture_face_once) {
+  Index bubbles = 0, fracture_faces = 0;
+  for (Index face = 0; face < mesh_.n_faces(); ++face) fracture_faces += mesh_.on_fracture(face) ? 1 : 0;
+  for (Index cell = 0; cell < mesh_.n_cells(); ++cell) {
+    vem_.build(cell);
+    bubbles += vem_.n_bubbles();
+    for (Index face : vem_.bubble_faces()) {
+      EXPECT_TRUE(mesh_.on_fracture(face));
+      EXPECT_EQ(mesh_.face_cells[face][0], cell);
+      EXPECT_LT(vem_.xbar().x(), 0.5) << "n^+ points along x, out of the + side";
+    }
+  }
+  EXPECT_GT(fracture_faces, 0);
+  EXPECT_EQ(bubbles, fracture_faces);
+}
+
+TEST_P(vem_cells, bubble_adds_its_value_times_area_and_normal_to_the_gradient) {
+  // Areas over all bubbles sum to that of the fracture.
+  double area = 0;
+  for (Index cell = 0; cell < mesh_.n_cells(); ++cell) {
+    vem_.build(cell);
+    for (int b = 0; b < vem_.n_bubbles(); ++b) {
+      std::vector<double> v(static_cast<std::size_t>(mesh_.dim) * vem_.size(), 0.0);
+      const Vec3 bubble(0.5, -2, 0);
+      for (int a = 0; a < mesh_.dim; ++a) v[mesh_.dim * (vem_.n_nodes() + b) + a] = bubble[a];
+      const Eigen::Matrix3d gradient = vem_.gradient(v) * vem_.volume();
+      const double this_area = gradient(0, 0) / bubble[0];
+      EXPECT_GT(this_area, 0);
+      EXPECT_LT((gradient - this_area * bubble * Vec3::UnitX().transpose()).norm(), 1e-14);
+      EXPECT_LT((vem_.value(vem_.gradient(v), v, vem_.xbar())).norm(), 1e-15) << "bubbles have no part in the nodal mean";
+      area += this_area;
+    }
+  }
+  EXPECT_NEAR(area, mesh_.dim == 2 ? 0.5 : 0.25, 1e-13);
+}
+
+TEST_P(vem_cells, volumes_and_rules_sum_to_the_box) {
+  double volume = 0, weights = 0;
+  std::vector<geometry::QuadraturePoint> rule;
+  for (Index cell = 0; cell < mesh_.n_cells(); ++cell) {
+    vem_.build(cell);
+    volume += vem_.volume();
+    vem_.append_rule(rule);
+  }
+  for (const auto& q : rule) weights += q.weight;
+  EXPECT_NEAR(volume, 1, 1e-13);
+  EXPECT_NEAR(weights, 1, 1e-13);
+}
+
+INSTANTIATE_TEST_SUITE_P(every_shape, vem_cells, testing::ValuesIn(tests::all_shapes()), tests::ShapeName());
+
+TEST(vem_cell, diameter_is_the_longest_distance_of_two_nodes) {
+  mesh::BoxSpec spec = tests::unit_box({3, "hexahedra"}, 1);
+  spec.max = {1, 2, 2};
+  mesh::PolyMesh mesh = mesh::make_box(spec);
+  mesh::build_copies(mesh);
+  VemCell vem(mesh);
+  vem.build(0);
+  EXPECT_DOUBLE_EQ(vem.diameter(), 3);
+  EXPECT_DOUBLE_EQ(vem.volume(), 4);
+  EXPECT_LT((vem.xbar() - Vec3(0.5, 1, 1)).norm(), 1e-15);
+}
+
+}  // namespace
+}  // namespace polyslip::spaces
