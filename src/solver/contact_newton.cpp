@@ -5,6 +5,7 @@
 #include <cmath>
 
 #include "polyslip/assembly/saddle_matrix.hpp"
+#include "polyslip/common/mpi.hpp"
 #include "polyslip/la/log_stage.hpp"
 
 namespace polyslip::solver {
@@ -92,7 +93,7 @@ PetscErrorCode ContactNewton::form_jacobian(SNES, Vec x, Mat, Mat matrix, void* 
   const la::LogStage stage("condense", self->seconds_.condense);
   if (self->linear_) {
     PetscCallCXX(self->system_.linearise(x, self->linear_->content()));
-    PetscCallCXX(self->linear_->matrix_changed());
+    PetscCallCXX(self->linear_->matrix_changed(self->changed_faces(x)));
     PetscCall(MatAssemblyBegin(matrix, MAT_FINAL_ASSEMBLY));
     PetscCall(MatAssemblyEnd(matrix, MAT_FINAL_ASSEMBLY));
   } else {
@@ -104,6 +105,16 @@ PetscErrorCode ContactNewton::form_jacobian(SNES, Vec x, Mat, Mat matrix, void* 
   PetscFunctionReturn(0);
 }
 
+long long ContactNewton::changed_faces(Vec x) {
+  const auto now = system_.states(x);
+  long long changed = 0;
+  for (std::size_t f = 0; f < now.size(); ++f) changed += states_of_matrix_.empty() || now[f] != states_of_matrix_[f] ? 1 : 0;
+  states_of_matrix_ = now;
+  changed = mpi::sum(system_.mesh().comm, changed);
+  // Springs of another stiffness change the matrix on every face.
+  return system_.beta_matters() ? system_.fracture_faces() : changed;
+}
+
 PetscErrorCode ContactNewton::apply_condensation(PC pc, Vec f, Vec direction) {
   PetscFunctionBeginUser;
   ContactNewton* self = nullptr;
@@ -111,7 +122,10 @@ PetscErrorCode ContactNewton::apply_condensation(PC pc, Vec f, Vec direction) {
   const la::LogStage stage("solve", self->seconds_.solve);
   PetscReal rtol = 0;
   PetscCall(SNESGetTolerances(self->snes_, nullptr, &rtol, nullptr, nullptr, nullptr));
-  PetscCall(self->linear_->solve(f, direction, 0.1 * rtol * self->norms_.momentum_scale));
+  PetscInt iteration = 0;
+  PetscCall(SNESGetIterationNumber(self->snes_, &iteration));
+  const bool moves = self->system_.fracture_faces() > 0 && (iteration == 0 || self->trace_.changed > 0);
+  PetscCall(self->linear_->solve(f, direction, 0.1 * rtol * self->norms_.momentum_scale, moves));
   PetscFunctionReturn(0);
 }
 

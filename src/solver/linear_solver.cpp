@@ -75,11 +75,13 @@ void LinearSolver::choose() {
                           "-displacement_pc_type cholesky for a factorisation", unknowns, dim, limit);
   }
   POLYSLIP_PETSC(KSPSetType(ksp_, KSPCG));
-  POLYSLIP_PETSC(KSPSetTolerances(ksp_, 1e-8, 0.0, PETSC_DEFAULT, 1000));
+  POLYSLIP_PETSC(KSPSetTolerances(ksp_, 1e-12, 0.0, PETSC_DEFAULT, 1000));
   POLYSLIP_PETSC(MatSetOption(system_.matrix(), MAT_SPD, PETSC_TRUE));
   POLYSLIP_PETSC(KSPSetOperators(ksp_, system_.matrix(), system_.matrix()));
   POLYSLIP_PETSC(KSPSetFromOptions(ksp_));
-  PetscBool lu = PETSC_FALSE;
+  PetscBool lu = PETSC_FALSE, factor = PETSC_FALSE;
+  POLYSLIP_PETSC(PetscObjectTypeCompareAny(reinterpret_cast<PetscObject>(pc), &factor, PCLU, PCCHOLESKY, ""));
+  factorises_ = factor == PETSC_TRUE;
   POLYSLIP_PETSC(PetscObjectTypeCompare(reinterpret_cast<PetscObject>(pc), PCLU, &lu));
   if (lu) {
     content_ = MechanicsSystem::MatrixContent::exact;
@@ -103,32 +105,55 @@ void LinearSolver::set_method() {
   POLYSLIP_PETSC(KSPSetOperators(ksp_, exact, system_.matrix()));
 }
 
-void LinearSolver::matrix_changed() {
-  set_method();
-  PC pc = nullptr;
-  POLYSLIP_PETSC(KSPGetPC(ksp_, &pc));
-  PetscBool factor = PETSC_FALSE;
-  POLYSLIP_PETSC(PetscObjectTypeCompareAny(reinterpret_cast<PetscObject>(pc), &factor, PCLU, PCCHOLESKY, ""));
+void LinearSolver::set_up_preconditioner(bool again) {
+  POLYSLIP_PETSC(KSPSetReusePreconditioner(ksp_, again ? PETSC_FALSE : PETSC_TRUE));
+  if (!again) return;
+  has_preconditioner_ = true;
+  changed_since_setup_ = 0;
+  iterations_after_setup_ = -1;
   ++counts_.setups;
-  if (factor) ++counts_.factorisations;
+  if (factorises_) ++counts_.factorisations;
 }
 
-PetscErrorCode LinearSolver::solve(Vec f, Vec direction, double target) {
+void LinearSolver::matrix_changed(long long changed_faces) {
+  set_method();
+  changed_since_setup_ += changed_faces;
+  // A changed face is a perturbation of rank d, worth about d iterations to a factorisation and less to multigrid.
+  const bool many = changed_since_setup_ * system_.layout().dim() > (factorises_ ? 8 : 0.02 * system_.fracture_faces());
+  const bool costly = iterations_after_setup_ >= 0 && last_iterations_ > 1.5 * iterations_after_setup_ + 5;
+  const bool exact = content_ == MechanicsSystem::MatrixContent::exact;
+  set_up_preconditioner(!has_preconditioner_ || many || costly || exact);
+}
+
+PetscErrorCode LinearSolver::run(double rtol, double target) {
   PetscFunctionBeginUser;
-  PetscCallCXX(system_.condense_residual(f, rhs_));
-  PetscReal rtol = 0, dtol = 0;
-  PetscInt max_it = 0;
-  PetscCall(KSPGetTolerances(ksp_, &rtol, nullptr, &dtol, &max_it));
-  PetscCall(KSPSetTolerances(ksp_, rtol, target, dtol, max_it));
-  PetscCall(KSPSolve(ksp_, rhs_, solution_));
+  PetscReal user_rtol = 0, dtol = 0;
+  PetscInt max_it = 0, its = 0;
   KSPConvergedReason reason = KSP_CONVERGED_ITERATING;
+  PetscCall(KSPGetTolerances(ksp_, &user_rtol, nullptr, &dtol, &max_it));
+  PetscCall(KSPSetTolerances(ksp_, std::max(rtol, user_rtol), target, dtol, max_it));
+  PetscCall(KSPSolve(ksp_, rhs_, solution_));
+  PetscCall(KSPSetTolerances(ksp_, user_rtol, target, dtol, max_it));
   PetscCall(KSPGetConvergedReason(ksp_, &reason));
-  failed_ = reason < 0 && reason != KSP_DIVERGED_ITS;
-  PetscInt its = 0;
   PetscCall(KSPGetIterationNumber(ksp_, &its));
+  failed_ = reason < 0 && reason != KSP_DIVERGED_ITS;
   last_iterations_ = static_cast<int>(its);
+  if (iterations_after_setup_ < 0) iterations_after_setup_ = last_iterations_;
   counts_.iterations += last_iterations_;
   counts_.max_per_solve = std::max(counts_.max_per_solve, last_iterations_);
+  PetscFunctionReturn(0);
+}
+
+PetscErrorCode LinearSolver::solve(Vec f, Vec direction, double target, bool loose) {
+  PetscFunctionBeginUser;
+  const double rtol = loose ? 1e-4 : 0.0;
+  PetscCallCXX(system_.condense_residual(f, rhs_));
+  PetscCall(run(rtol, target));
+  if (failed_ && changed_since_setup_ > 0) {
+    // The old preconditioner did not serve this matrix.
+    PetscCallCXX(set_up_preconditioner(true));
+    PetscCall(run(rtol, target));
+  }
   PetscCallCXX(system_.recover(f, solution_, direction));
   PetscFunctionReturn(0);
 }

@@ -47,7 +47,6 @@ StepperResult LoadStepper::run(Vec x) {
     result.newton_total += solved.iterations;
     if (solved.converged) {
       POLYSLIP_PETSC(VecCopy(trial, x));
-      system_.set_previous_jumps(x);
       accepted_loads = std::move(loads);
       result.newton_max = std::max(result.newton_max, solved.iterations);
       const double size = next - time;
@@ -55,6 +54,7 @@ StepperResult LoadStepper::run(Vec x) {
       ++result.accepted;
       cut = std::min(1.0, 2 * cut);
       if (accepted) accepted({result.accepted, time, size, solved.iterations, newton_.linear_counts().iterations - krylov_before});
+      system_.set_previous_jumps(x);  // after the outputs, which show the states of this step
       continue;
     }
     ++result.rejected;

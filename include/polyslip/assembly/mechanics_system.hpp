@@ -60,6 +60,7 @@ class MechanicsSystem {
   [[nodiscard]] double beta_scale() const { return beta_scale_; }
   /// Springs of stiffness beta instead of contact (an approach to the solution, see Augmentation::theta), or the contact law.
   void use_springs(bool springs) { theta_ = springs ? 0 : 1; }
+  [[nodiscard]] bool beta_matters() const { return theta_ == 0; }
   /// Multiplies every friction coefficient and bound (continuation); 1 is the problem itself.
   void set_friction_factor(double factor) { friction_factor_ = factor; }
 

@@ -63,6 +63,7 @@ class ContactNewton {
   bool climb(Vec x, const Rung& rung, NewtonResult& result);
   void approach_by_springs(Vec x, NewtonResult& result);
   bool is_unsettled(int iteration);
+  long long changed_faces(Vec x);
   bool reach_loads_in_parts(Vec x, const assembly::Loads& previous, NewtonResult& result);
   [[nodiscard]] std::string why(SNESConvergedReason reason) const;
   void record(int iteration, const assembly::ResidualNorms& norms);
@@ -78,6 +79,7 @@ class ContactNewton {
   la::Handle<SNES> snes_;
   la::Handle<Mat> jacobian_;  ///< Shell (condensed) or assembled (saddle).
   la::Handle<Vec> residual_, start_;
+  std::vector<physics::ContactState> states_of_matrix_;  ///< Owned faces, when the matrix was written last.
   std::string remedy_;
   bool may_soften_ = false, unsettled_ = false;
   assembly::ResidualNorms norms_;

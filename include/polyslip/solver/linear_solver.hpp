@@ -24,10 +24,12 @@ class LinearSolver {
 
   /// What `linearise` must write into the matrix for this solver.
   [[nodiscard]] assembly::MechanicsSystem::MatrixContent content() const { return content_; }
-  /// Tells that the matrix has changed.
-  void matrix_changed();
-  /// direction = J^{-1} f to `target` [N] in the condensed residual or the relative tolerance of the KSP, whichever is larger.
-  PetscErrorCode solve(Vec f, Vec direction, double target);
+  /// Tells that the matrix has changed, with the faces (over all ranks) whose state changed since the last call. The preconditioner
+  /// is set up again only if they are too many for the Krylov method to make up for, or if this has begun to cost iterations.
+  void matrix_changed(long long changed_faces);
+  /// direction = J^{-1} f, to `target` [N] in the condensed residual; `loose`: to 1e-4 of the right-hand side at most, for steps after
+  /// which the active set is likely to change anyway.
+  PetscErrorCode solve(Vec f, Vec direction, double target, bool loose);
 
   /// Sentence for the log: what was chosen and why.
   [[nodiscard]] const std::string& choice() const { return choice_; }
@@ -40,6 +42,8 @@ class LinearSolver {
  private:
   void choose();
   void set_method();
+  void set_up_preconditioner(bool again);
+  PetscErrorCode run(double rtol, double target);
 
   assembly::MechanicsSystem& system_;
   la::Handle<KSP> ksp_;
@@ -51,6 +55,10 @@ class LinearSolver {
   LinearCounts counts_;
   int last_iterations_ = 0;
   bool failed_ = false;
+  bool factorises_ = false;
+  long long changed_since_setup_ = 0;
+  int iterations_after_setup_ = -1;  ///< Of the first solve with this preconditioner; -1 before it.
+  bool has_preconditioner_ = false;
 };
 
 }  // namespace polyslip::solver
