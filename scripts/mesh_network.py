@@ -1,0 +1,237 @@
+"""Conforming meshes of fracture networks by Gmsh, for mesh.file of a scene. See scripts/mesh_network.
+
+Fractures are polylines in a rectangle, or planar polygons in a box; they may meet, cross, turn corners and reach the boundary.
+The mesh has the physical groups rock (cells), one of each fracture's name (faces) and the sides left, right (x), bottom, top (the last
+axis), front, back (y, in 3D), as meshes of boxes have.
+"""
+
+import argparse
+import csv
+import math
+from collections import Counter
+from dataclasses import dataclass
+from pathlib import Path
+
+import gmsh
+import yaml
+
+FUNCTIONS = {name: getattr(math, name) for name in ("pi", "sin", "cos", "tan", "asin", "acos", "atan", "exp", "log", "sqrt")}
+
+
+@dataclass
+class Network:
+    """Fractures by name, each a list of points [m], and the box [m] where it is known."""
+
+    fractures: dict
+    low: list = None
+    high: list = None
+
+
+# ------------------------------------------------------------------------------------------------------------- input
+
+
+def number(text, names):
+    """A number of a scene: as such or as a formula of study numbers."""
+    if isinstance(text, (int, float)):
+        return float(text)
+    try:
+        return float(eval(text.replace("^", "**"), {"__builtins__": {}}, {**FUNCTIONS, **names}))  # noqa: S307  (the user's own scene)
+    except Exception as error:
+        raise SystemExit(f"mesh_network: \"{text}\" is not a number: {error}.") from error
+
+
+def read_scene(file):
+    scene = yaml.safe_load(file.read_text(encoding="utf-8"))
+    names = {}
+    for name, text in (scene.get("study") or {}).items():
+        names[name] = number(text, names)
+    point = lambda entries: [number(entry, names) for entry in entries]  # noqa: E731
+    network = Network({})
+    for fracture in scene.get("fractures") or []:
+        if "points" not in fracture:
+            raise SystemExit(f"mesh_network: {file}: fracture \"{fracture.get('name')}\" has no points, so its place is not known.")
+        network.fractures[fracture["name"]] = [point(entries) for entries in fracture["points"]]
+    box = (scene.get("mesh") or {}).get("box")
+    if box:
+        network.low, network.high = point(box["min"]), point(box["max"])
+    return network
+
+
+def read_csv(file):
+    """Segments FID,START_X,START_Y,END_X,END_Y, or polylines FID,X,Y whose successive rows share the FID; each FID is a fracture."""
+    fractures = {}
+    for row in csv.reader(file.read_text(encoding="utf-8").splitlines()):
+        try:
+            name, values = f"fracture_{row[0].strip()}", [float(value) for value in row[1:]]
+        except (ValueError, IndexError):
+            continue  # a header or an empty line
+        if len(values) not in (2, 4):
+            raise SystemExit(f"mesh_network: {file}: the row {','.join(row)} is neither FID,X1,Y1,X2,Y2 nor FID,X,Y.")
+        fractures.setdefault(name, []).extend([values[at : at + 2] for at in range(0, len(values), 2)])
+    return Network(fractures)
+
+
+def read_network(file, box):
+    network = read_csv(file) if file.suffix == ".csv" else read_scene(file)
+    if box:
+        network.low, network.high = box[: len(box) // 2], box[len(box) // 2 :]
+    if network.low is None:
+        raise SystemExit(f"mesh_network: {file} has no mesh.box. Give --box XMIN YMIN XMAX YMAX.")
+    dim = len(network.low)
+    least = 2 if dim == 2 else 3
+    for name, points in network.fractures.items():
+        if any(len(point) != dim for point in points) or len(points) < least:
+            raise SystemExit(f"mesh_network: fracture \"{name}\" must have {least} or more points of {dim} coordinates in this box.")
+    return network
+
+
+# ----------------------------------------------------------------------------------------------------------- geometry
+
+
+def add_box(low, high):
+    sizes = [b - a for a, b in zip(low, high)]
+    if len(low) == 2:
+        return [(2, gmsh.model.occ.addRectangle(*low, 0, *sizes))]
+    return [(3, gmsh.model.occ.addBox(*low, *sizes))]
+
+
+def add_fracture(points):
+    """Segments (2D) or a polygon (3D)."""
+    occ = gmsh.model.occ
+    corners = [occ.addPoint(*point, *[0] * (3 - len(point))) for point in points]
+    if len(points[0]) == 2:
+        return [(1, occ.addLine(a, b)) for a, b in zip(corners, corners[1:])]
+    edges = [occ.addLine(a, b) for a, b in zip(corners, corners[1:] + corners[:1])]
+    return [(2, occ.addPlaneSurface([occ.addCurveLoop(edges)]))]
+
+
+def fragment(network):
+    """Cuts the box along the fractures; returns the pieces of each fracture and the cells' pieces."""
+    occ = gmsh.model.occ
+    box = add_box(network.low, network.high)
+    tools, owners = [], []
+    for name, points in network.fractures.items():
+        inside, _ = occ.intersect(add_fracture(points), box, removeObject=True, removeTool=False)
+        if not inside:
+            raise SystemExit(f"mesh_network: fracture \"{name}\" lies outside the box.")
+        tools += inside
+        owners += [name] * len(inside)
+    rock, pieces = box, [box]
+    if tools:
+        rock, pieces = occ.fragment(box, tools)
+    occ.synchronize()
+    dim = len(network.low)
+    parts = {name: [] for name in network.fractures}
+    for name, entities in zip(owners, pieces[1:]):
+        parts[name] += [tag for _, tag in entities]
+    return parts, [tag for entity, tag in rock if entity == dim]
+
+
+def side_of(entity, network):
+    """Name of a side of the box in which an entity lies, or None."""
+    dim = len(network.low)
+    names = [("left", "right"), ("bottom", "top")] if dim == 2 else [("left", "right"), ("front", "back"), ("bottom", "top")]
+    bounds = gmsh.model.getBoundingBox(*entity)
+    for axis, (lower, upper) in enumerate(names):
+        slack = 1e-5 * (network.high[axis] - network.low[axis])
+        for name, level in ((lower, network.low[axis]), (upper, network.high[axis])):
+            if abs(bounds[axis] - level) < slack and abs(bounds[axis + 3] - level) < slack:
+                return name
+    return None
+
+
+def name_groups(network, parts, rock):
+    dim = len(network.low)
+    groups = {}
+    for entity in gmsh.model.getBoundary([(dim, tag) for tag in rock], combined=True, oriented=False):
+        groups.setdefault(side_of(entity, network), []).append(entity[1])
+    outer = {tag for name, tags in groups.items() if name for tag in tags}
+    for name, tags in parts.items():
+        if outer.intersection(tags):
+            raise SystemExit(f"mesh_network: fracture \"{name}\" lies in the boundary; a fracture has rock on both sides.")
+    groups.pop(None, None)
+    for name, tags in {**groups, **parts}.items():
+        gmsh.model.addPhysicalGroup(dim - 1, sorted(set(tags)), name=name)
+    gmsh.model.addPhysicalGroup(dim, rock, name="rock")
+
+
+# ---------------------------------------------------------------------------------------------------------------- mesh
+
+
+def tips(parts, network):
+    """Points (2D) or edges (3D) inside the box that belong to one piece of fracture only."""
+    dim = len(network.low)
+    owners = Counter()
+    for tag in {tag for tags in parts.values() for tag in tags}:
+        owners.update(gmsh.model.getBoundary([(dim - 1, tag)], combined=False, oriented=False))
+    return [end[1] for end, count in owners.items() if count == 1 and side_of(end, network) is None]
+
+
+def set_sizes(parts, network, arguments):
+    """Sizes at points, which Gmsh carries along curves and from these into the rock, and smaller ones at tips."""
+    dim, mesh = len(network.low), gmsh.model.mesh
+    mesh.setSize(gmsh.model.getEntities(0), arguments.far or arguments.size)
+    pieces = [(dim - 1, tag) for tags in parts.values() for tag in tags]
+    ends = gmsh.model.getBoundary(pieces, combined=False, oriented=False, recursive=True)
+    mesh.setSize([entity for entity in ends if entity[0] == 0], arguments.size)
+    if not arguments.grade:
+        return
+    distance = mesh.field.add("Distance")
+    mesh.field.setNumbers(distance, "PointsList" if dim == 2 else "CurvesList", tips(parts, network))
+    size = mesh.field.add("MathEval")
+    least = arguments.size**2 / arguments.grade
+    mesh.field.setString(size, "F", f"{arguments.size} * sqrt(sqrt(F{distance}^2 + {least}^2) / {arguments.grade})")
+    mesh.field.setAsBackgroundMesh(size)
+    gmsh.option.setNumber("Mesh.MeshSizeMax", arguments.far or arguments.size)
+    gmsh.option.setNumber("Mesh.MeshSizeExtendFromBoundary", 0)  # small cells at tips would spread
+
+
+def generate(network, arguments):
+    dim = len(network.low)
+    parts, rock = fragment(network)
+    name_groups(network, parts, rock)
+    set_sizes(parts, network, arguments)
+    if arguments.quads:
+        gmsh.option.setNumber("Mesh.RecombineAll", 1)
+    gmsh.model.mesh.generate(dim)
+    return sum(len(tags) for tags in gmsh.model.mesh.getElements(dim)[1])
+
+
+def parse():
+    parser = argparse.ArgumentParser(prog="scripts/mesh_network", description=__doc__.split("\n")[0],
+                                     formatter_class=argparse.ArgumentDefaultsHelpFormatter)
+    parser.add_argument("network", type=Path, metavar="SCENE.yaml|SEGMENTS.csv",
+                        help="fractures by points, and the box if the scene has mesh.box; or rows FID,X1,Y1,X2,Y2 or FID,X,Y")
+    parser.add_argument("-o", dest="output", type=Path, required=True, metavar="MESH.msh", help="mesh to write (msh 4.1, text)")
+    parser.add_argument("--size", type=float, required=True, help="cell size on fractures [m]")
+    parser.add_argument("--far", type=float, help="cell size at the corners of the box [m] (default: --size)")
+    parser.add_argument("--grade", type=float, metavar="R",
+                        help="make cells smaller towards tips [m]: size sqrt(d/R) at the distance d, down to size^2/R (default: no)")
+    parser.add_argument("--box", type=float, nargs="+", help="XMIN YMIN XMAX YMAX, or six numbers in 3D [m] (default: mesh.box)")
+    parser.add_argument("--quads", action="store_true", help="pair triangles into quadrilaterals where it can be done well")
+    arguments = parser.parse_args()
+    for name in ("size", "far", "grade"):
+        value = getattr(arguments, name)
+        if value is not None and not value > 0:
+            parser.error(f"--{name} is {value}; it must be positive.")
+    if arguments.box and len(arguments.box) not in (4, 6):
+        parser.error(f"--box has {len(arguments.box)} numbers; give 4 (2D) or 6 (3D).")
+    if not arguments.network.exists():
+        parser.error(f"{arguments.network} does not exist.")
+    return arguments
+
+
+def main():
+    arguments = parse()
+    network = read_network(arguments.network, arguments.box)
+    gmsh.initialize(interruptible=False)
+    gmsh.option.setNumber("General.Verbosity", 2)  # errors and warnings
+    gmsh.option.setNumber("Mesh.MshFileVersion", 4.1)
+    cells = generate(network, arguments)
+    gmsh.write(str(arguments.output))
+    gmsh.finalize()
+    print(f"wrote {arguments.output}: {cells} cells, {len(network.fractures)} fractures")
+
+
+if __name__ == "__main__":
+    main()
