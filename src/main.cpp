@@ -42,6 +42,11 @@ int run(const scene::CommandLine& line) {
   } catch (const InputError& e) {
     if (speaks) std::fprintf(stderr, "polyslip: %s\n", e.what());
     return scene::exit_bad_input;
+  } catch (const std::exception& e) {
+    // One rank alone may be here: the others must not wait for it.
+    std::fprintf(stderr, "polyslip: internal error: %s\n", e.what());
+    MPI_Abort(PETSC_COMM_WORLD, scene::exit_internal_error);
+    return scene::exit_internal_error;
   }
 }
 
@@ -60,9 +65,6 @@ int main(int argc, char** argv) {
     return scene::exit_bad_input;
   } catch (const std::exception& e) {
     std::fprintf(stderr, "polyslip: internal error: %s\n", e.what());
-    int initialized = 0;
-    MPI_Initialized(&initialized);
-    if (initialized != 0) MPI_Abort(MPI_COMM_WORLD, scene::exit_internal_error);
     return scene::exit_internal_error;
   }
 }

@@ -10,7 +10,6 @@
 
 namespace polyslip::solver {
 
-using assembly::Loads;
 using assembly::MechanicsSystem;
 
 /// One way to the solution: the size of beta relative to the scene's, a factor on friction reached before the whole of it, and whether
@@ -227,25 +226,7 @@ bool ContactNewton::climb(Vec x, const Rung& rung, NewtonResult& result) {
   return converged;
 }
 
-bool ContactNewton::reach_loads_in_parts(Vec x, const Loads& previous, NewtonResult& result) {
-  const Loads whole = system_.loads();
-  bool converged = true;
-  for (double s : {0.25, 0.5, 0.75, 1.0}) {
-    if (!converged) break;
-    system_.set_loads(Loads::blend(previous, whole, s));
-    system_.impose_dirichlet(x);
-    converged = false;
-    const std::string remedy = fmt::format("loads times {:g}", s);
-    for (const Rung& rung : {Rung{0.3, 1, false, remedy.c_str()}, Rung{0.3, 1, true, remedy.c_str()}, Rung{0.3, 0.25, false, remedy.c_str()}}) {
-      converged = climb(x, rung, result);
-      if (converged) break;
-    }
-  }
-  system_.set_loads(whole);
-  return converged;
-}
-
-NewtonResult ContactNewton::solve(Vec x, const Loads* previous) {
+NewtonResult ContactNewton::solve(Vec x) {
   NewtonResult result;
   system_.impose_dirichlet(x);
   POLYSLIP_PETSC(VecCopy(x, start_));
@@ -263,8 +244,6 @@ NewtonResult ContactNewton::solve(Vec x, const Loads* previous) {
     POLYSLIP_PETSC(VecCopy(start_, x));
     if (climb(x, rung, result)) return result;
   }
-  POLYSLIP_PETSC(VecCopy(start_, x));
-  if (previous != nullptr && system_.fracture_faces() > 0 && reach_loads_in_parts(x, *previous, result)) return result;
   POLYSLIP_PETSC(VecCopy(start_, x));
   return result;
 }

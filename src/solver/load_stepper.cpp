@@ -28,7 +28,7 @@ StepperResult LoadStepper::run(Vec x) {
   la::Handle<Vec> trial;
   POLYSLIP_PETSC(VecDuplicate(x, trial.put()));
   assembly::Loads accepted_loads = system_.load_assembler().zero();
-  const bool can_cut = system_.load_assembler().depends_on_time();
+  const bool varies = system_.load_assembler().depends_on_time(), can_cut = system_.fracture_faces() > 0;
   double time = span_.start, cut = 1;
   while (time < span_.end) {
     if (stop_requested()) {
@@ -40,10 +40,11 @@ StepperResult LoadStepper::run(Vec x) {
     const double target = std::min(mark, time + cut * span_.step * (1 + 1e-9));
     const double next = mark - target < 1e-6 * span_.step ? mark : target;
     assembly::Loads loads = system_.load_assembler().at(next);
+    if (!varies && next < mark) loads = assembly::Loads::blend(accepted_loads, loads, (next - time) / (mark - time));
     system_.set_loads(loads);
     POLYSLIP_PETSC(VecCopy(x, trial));
     const int krylov_before = newton_.linear_counts().iterations;
-    const NewtonResult solved = newton_.solve(trial, &accepted_loads);
+    const NewtonResult solved = newton_.solve(trial);
     result.newton_total += solved.iterations;
     if (solved.converged) {
       POLYSLIP_PETSC(VecCopy(trial, x));

@@ -43,8 +43,8 @@ class ContactNewton {
   explicit ContactNewton(assembly::MechanicsSystem& system);
   ~ContactNewton();
 
-  /// Solves for the loads of the system, from x and into x. With `previous` loads given, the last rung reaches the loads in parts.
-  NewtonResult solve(Vec x, const assembly::Loads* previous = nullptr);
+  /// Solves for the loads of the system, from x and into x; x is as it was where no remedy helps.
+  NewtonResult solve(Vec x);
 
   std::function<void(const NewtonRecord&)> monitor;
 
@@ -64,7 +64,6 @@ class ContactNewton {
   void approach_by_springs(Vec x, NewtonResult& result);
   bool is_unsettled(int iteration);
   long long changed_faces(Vec x);
-  bool reach_loads_in_parts(Vec x, const assembly::Loads& previous, NewtonResult& result);
   [[nodiscard]] std::string why(SNESConvergedReason reason) const;
   void record(int iteration, const assembly::ResidualNorms& norms);
 

@@ -22,7 +22,8 @@ struct StepperResult {
 };
 
 /// Steps from span.start to span.end. A step that fails is cut in half, down to span.step/1024, and grows again after successes; ends of
-/// the scene's own steps are met exactly. Loads that do not depend on time cannot be cut: there the failure stands.
+/// the scene's own steps are met exactly. Loads that do not depend on time are then applied in parts, in proportion to the step. Friction
+/// remembers the states between, as it does between the scene's own steps. A scene without fractures is linear: there a failure stands.
 class LoadStepper {
  public:
   LoadStepper(assembly::MechanicsSystem& system, ContactNewton& newton, const physics::TimeSpan& span);
