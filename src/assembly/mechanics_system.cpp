@@ -236,7 +236,23 @@ void MechanicsSystem::set_previous_jumps(std::span<const Vec3> jumps) { previous
 physics::ContactLaw MechanicsSystem::law_of(Index face) const {
   physics::ContactLaw law = cells_.faces()[face].law;
   law.friction *= friction_factor_;
+  if (friction_is_lagged_ && law.kind == FrictionLaw::coulomb) law = {FrictionLaw::tresca, lagged_bounds_[face]};
   return law;
+}
+
+double MechanicsSystem::update_lagged_friction(Vec x, double weight) {
+  layout_.gather(x, work_);
+  lagged_bounds_.resize(static_cast<std::size_t>(mesh_.fractures.local()), 0.0);
+  double change = 0, largest = 0;
+  for (Index face = 0; face < mesh_.fractures.local(); ++face) {
+    const double bound = cells_.faces()[face].law.friction * std::max(0.0, work_.multiplier[static_cast<std::size_t>(layout_.dim()) * face]);
+    const double before = lagged_bounds_[face];
+    lagged_bounds_[face] += weight * (bound - before);
+    change = std::max(change, std::abs(bound - before));
+    largest = std::max(largest, bound);
+  }
+  largest = mpi::max(mesh_.comm, largest);
+  return largest > 0 ? mpi::max(mesh_.comm, change) / largest : 0;
 }
 
 ContactPoint MechanicsSystem::point(Index face, const MechanicalState& state) const {

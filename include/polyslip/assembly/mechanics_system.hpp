@@ -60,6 +60,10 @@ class MechanicsSystem {
   [[nodiscard]] double beta_scale() const { return beta_scale_; }
   /// Springs of stiffness beta instead of contact (an approach to the solution, see Augmentation::theta), or the contact law.
   void use_springs(bool springs) { theta_ = springs ? 0 : 1; }
+  /// Freezes the friction bound g of every Coulomb face (a Tresca problem) or goes back to Coulomb's law.
+  void use_lagged_friction(bool lagged) { friction_is_lagged_ = lagged; }
+  /// g = (1 - weight) g + weight F max(0, lam_n) at x (weight 1 forgets what was); returns the largest change due, relative to the largest bound.
+  double update_lagged_friction(Vec x, double weight);
   [[nodiscard]] bool beta_matters() const { return theta_ == 0; }
   /// Multiplies every friction coefficient and bound (continuation); 1 is the problem itself.
   void set_friction_factor(double factor) { friction_factor_ = factor; }
@@ -126,6 +130,8 @@ class MechanicsSystem {
   std::vector<double> lift_;  ///< A_{free, prescribed} u_D, dim copies.owned [N]
   double load_scale_ = 0;     ///< Norm of lift and loads [N]
   double beta_scale_ = 0.1, theta_ = 1, friction_factor_ = 1;
+  bool friction_is_lagged_ = false;
+  std::vector<double> lagged_bounds_;  ///< g by local fracture face [Pa]
   std::vector<Vec3> previous_;  ///< J_sigma u^{n-1} by local fracture face.
   std::vector<physics::ContactLinearisation> law_;
 

@@ -62,6 +62,7 @@ class ContactNewton {
   bool run(Vec x, const std::string& remedy, NewtonResult& result);
   bool climb(Vec x, const Rung& rung, NewtonResult& result);
   void approach_by_springs(Vec x, NewtonResult& result);
+  bool try_lagged_friction(Vec x, NewtonResult& result);
   bool is_unsettled(int iteration);
   long long changed_faces(Vec x);
   [[nodiscard]] std::string why(SNESConvergedReason reason) const;
@@ -77,7 +78,7 @@ class ContactNewton {
   std::unique_ptr<LinearSolver> linear_;  ///< Condensed formulation only.
   la::Handle<SNES> snes_;
   la::Handle<Mat> jacobian_;  ///< Shell (condensed) or assembled (saddle).
-  la::Handle<Vec> residual_, start_;
+  la::Handle<Vec> residual_, start_, lagged_;
   std::vector<physics::ContactState> states_of_matrix_;  ///< Owned faces, when the matrix was written last.
   std::string remedy_;
   bool may_soften_ = false, unsettled_ = false;
