@@ -37,13 +37,17 @@ void ActiveSetTrace::start(Vec x) {
 
 void ActiveSetTrace::advance(Vec x, double merit, int revisits_of_a_cycle) {
   const auto before = std::exchange(states, system->states(x));
-  long long flipped = 0;
+  std::array<long long, 2> flipped{};
   for (std::size_t f = 0; f < states.size(); ++f)
     if (states[f] != before[f]) {
+      using enum physics::ContactState;
       ++flips[f];
-      ++flipped;
+      ++flipped[0];
+      if (states[f] == open || before[f] == open) ++flipped[1];
     }
-  changed = mpi::sum(system->mesh().comm, flipped);
+  mpi::sum_in_place(system->mesh().comm, flipped);
+  changed = flipped[0];
+  opened_or_closed = flipped[1];
   counts = system->count(states);
   merits.push_back(merit);
   const std::uint64_t now = hash();

@@ -157,9 +157,12 @@ PetscErrorCode ContactNewton::test_convergence(SNES snes, PetscInt iteration, Pe
   PetscFunctionReturn(0);
 }
 
-/// Many faces change state although the first step has shown where the loads press: springs get there sooner.
+/// Many faces open or close in the first step, or change at all in the second: springs get there sooner than one layer of faces a step.
 bool ContactNewton::is_unsettled(int iteration) {
-  unsettled_ = may_soften_ && iteration == 2 && static_cast<double>(trace_.changed) > std::max(16.0, 0.1 * system_.fracture_faces());
+  const auto many = [&](long long faces, double share) {
+    return static_cast<double>(faces) > std::max(16.0, share * system_.fracture_faces());
+  };
+  unsettled_ = may_soften_ && ((iteration == 1 && many(trace_.opened_or_closed, 0.05)) || (iteration == 2 && many(trace_.changed, 0.1)));
   return unsettled_;
 }
 

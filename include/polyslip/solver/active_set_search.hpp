@@ -30,6 +30,7 @@ struct ActiveSetTrace {
   std::vector<int> flips;                     ///< How often each owned face has changed state in this solve.
   assembly::StateCounts counts;
   long long changed = 0;      ///< Faces that changed state in the last step, over all ranks.
+  long long opened_or_closed = 0;  ///< Those of them that opened or closed.
   double step_length = 1;     ///< alpha of the last step
   bool cycle = false;
   long long cycles = 0;       ///< Cycles met since the start of the run.
