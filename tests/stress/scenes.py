@@ -12,8 +12,8 @@ import networks
 
 SHAPES = {2: ("network", "quads", "triangles", "network", "polygons"),
           3: ("hexahedra", "tets", "prisms", "polyhedra", "warped", "tets", "cut")}
-COUNTS = {"quads": (22, 44), "triangles": (16, 32), "polygons": (20, 36), "hexahedra": (8, 13), "tets": (5, 8), "prisms": (7, 11),
-          "polyhedra": (7, 9), "warped": (8, 12), "cut": (7, 9)}
+COUNTS = {"quads": (22, 44), "triangles": (16, 32), "polygons": (20, 36), "hexahedra": (8, 11), "tets": (5, 8), "prisms": (7, 11),
+          "polyhedra": (7, 8), "warped": (7, 10), "cut": (7, 9)}
 SHAKEN = ("polygons", "polyhedra", "warped", "cut")
 SIDES = {2: ("left", "right"), 3: ("left", "right", "front", "back")}
 
