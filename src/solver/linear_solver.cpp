@@ -105,6 +105,7 @@ void LinearSolver::set_method() {
 
 void LinearSolver::set_up_preconditioner(bool again) {
   POLYSLIP_PETSC(KSPSetReusePreconditioner(ksp_, again ? PETSC_FALSE : PETSC_TRUE));
+  is_reused_ = !again;
   if (!again) return;
   has_preconditioner_ = true;
   changed_since_setup_ = 0;
@@ -147,7 +148,7 @@ PetscErrorCode LinearSolver::solve(Vec f, Vec direction, double target, bool loo
   const double rtol = loose ? 1e-3 : 0.0;
   PetscCallCXX(system_.condense_residual(f, rhs_));
   PetscCall(run(rtol, target));
-  if (failed_ && changed_since_setup_ > 0) {
+  if (failed_ && is_reused_) {
     // The old preconditioner did not serve this matrix.
     PetscCallCXX(set_up_preconditioner(true));
     PetscCall(run(rtol, target));

@@ -64,7 +64,6 @@ class MechanicsSystem {
   void use_lagged_friction(bool lagged) { friction_is_lagged_ = lagged; }
   /// g = (1 - weight) g + weight F max(0, lam_n) at x (weight 1 forgets what was); returns the largest change due, relative to the largest bound.
   double update_lagged_friction(Vec x, double weight);
-  [[nodiscard]] bool beta_matters() const { return theta_ == 0; }
   /// Multiplies every friction coefficient and bound (continuation); 1 is the problem itself.
   void set_friction_factor(double factor) { friction_factor_ = factor; }
 

@@ -58,7 +58,7 @@ class LinearSolver {
   bool factorises_ = false;
   long long changed_since_setup_ = 0;
   int iterations_after_setup_ = -1;  ///< Of the first solve with this preconditioner; -1 before it.
-  bool has_preconditioner_ = false;
+  bool has_preconditioner_ = false, is_reused_ = false;
 };
 
 }  // namespace polyslip::solver
