@@ -1,0 +1,250 @@
+// The Jacobian in its several guises: saddle-point matrix, linear momentum rows, condensed blocks, the line of the line search.
+#include <gtest/gtest.h>
+
+#include <Eigen/Cholesky>
+#include <Eigen/LU>
+
+#include "polyslip/assembly/saddle_matrix.hpp"
+#include "support/contact_scene.hpp"
+
+namespace polyslip {
+namespace {
+
+using namespace tests;
+using assembly::MechanicsSystem;
+using assembly::VecRead;
+using physics::ContactState;
+using Content = MechanicsSystem::MatrixContent;
+
+/// A box cut through at x = 1/2, at a random state near which all three contact states occur and no face lies on a kink.
+class linearisation : public testing::TestWithParam<Shape> {
+ protected:
+  static constexpr double friction = 0.6;
+  int dim_ = GetParam().dim;
+  ContactScene scene_{[] { return fractured_box(GetParam(), GetParam().dim == 2 ? 6 : 4, 0, 1); }, mixed_contact(GetParam().dim, friction)};
+  MechanicsSystem& system_ = *scene_.system;
+
+  void SetUp() override {
+    const la::Handle<Vec> disturbance = random_vector(system_, 1, 0.1);
+    POLYSLIP_PETSC(VecAXPY(scene_.x, 1.0, disturbance));
+    system_.set_previous_jumps(random_vector(system_, 2, 0.01));
+    choose_states();
+    for (long long n : scene_.counts()) ASSERT_GT(n, 0) << "a contact state is missing";
+  }
+  /// Gives the faces the three states in turn, by multipliers that bring lam + beta (J - J^{n-1}) where it must be.
+  void choose_states() {
+    assembly::MechanicalState state = system_.layout().create_state();
+    system_.layout().gather(scene_.x, state);
+    const assembly::VecWrite a(scene_.x);
+    for (Index f = 0; f < scene_.mesh.fractures.owned; ++f) {
+      const auto turn = scene_.mesh.fractures.global(f) % 3;
+      Vec3 z(turn == 0 ? -0.3 : 0.3, 0.1, -0.05);
+      if (turn == 2) z.tail<2>() *= 4 * friction;
+      const Vec3 previous(0, system_.previous_jumps()[f][1], system_.previous_jumps()[f][2]);
+      const double beta = system_.beta_scale() * system_.contact_cells().faces()[f].stiffness;
+      const Vec3 lam = z - beta * (system_.contact_cells().jump(f, state) - previous);
+      for (int i = 0; i < dim_; ++i) a[system_.layout().multiplier_start() + dim_ * f + i] = lam[i];
+    }
+  }
+  [[nodiscard]] la::Handle<Vec> vector() const { return system_.layout().create_vector(); }
+  [[nodiscard]] la::Handle<Vec> residual(Vec x) const {
+    la::Handle<Vec> f = vector();
+    system_.residual(x, f);
+    return f;
+  }
+  /// x + s y
+  [[nodiscard]] la::Handle<Vec> along(double s, Vec y) const {
+    la::Handle<Vec> v = vector();
+    POLYSLIP_PETSC(VecWAXPY(v, s, y, scene_.x));
+    return v;
+  }
+  /// |a - b| over the entries from `first` on, relative to those of b.
+  [[nodiscard]] double distance(Vec a, Vec b, Index first, Index end) const {
+    const VecRead va(a), vb(b);
+    std::array<double, 2> squares{};
+    for (Index i = first; i < end; ++i) {
+      squares[0] += std::pow(va[i] - vb[i], 2);
+      squares[1] += vb[i] * vb[i];
+    }
+    mpi::sum_in_place(PETSC_COMM_WORLD, squares);
+    return std::sqrt(squares[0] / squares[1]);
+  }
+};
+
+TEST_P(linearisation, saddle_matrix_agrees_with_differences_of_the_residual) {
+  la::Handle<Mat> jacobian = assembly::create_saddle_matrix(system_);
+  system_.linearise(scene_.x, Content::bulk);
+  assembly::fill_saddle_matrix(system_, jacobian);
+  for (unsigned seed : {11U, 12U, 13U}) {
+    const la::Handle<Vec> y = random_vector(system_, seed);
+    la::Handle<Vec> product = vector();
+    POLYSLIP_PETSC(MatMult(jacobian, y, product));
+    constexpr double h = 1e-6;
+    la::Handle<Vec> difference = residual(along(h, y));
+    POLYSLIP_PETSC(VecAXPY(difference, -1.0, residual(along(-h, y))));
+    POLYSLIP_PETSC(VecScale(difference, 0.5 / h));
+    const assembly::Layout& l = system_.layout();
+    EXPECT_LT(distance(product, difference, 0, l.bubble_start()), 1e-8) << "nodal rows";
+    EXPECT_LT(distance(product, difference, l.bubble_start(), l.multiplier_start()), 1e-8) << "bubble rows";
+    EXPECT_LT(distance(product, difference, l.multiplier_start(), l.size()), 1e-7) << "contact rows";
+  }
+}
+
+TEST_P(linearisation, momentum_action_is_linear_and_the_difference_of_residuals) {
+  for (Content content : {Content::bulk, Content::symmetric, Content::exact}) {
+    system_.linearise(scene_.x, content);
+    const la::Handle<Vec> y = random_vector(system_, 21);
+    la::Handle<Vec> action = vector(), twice = vector(), difference = residual(along(1.0, y));
+    system_.momentum_action(y, action);
+    POLYSLIP_PETSC(VecAXPY(difference, -1.0, residual(scene_.x)));
+    EXPECT_LT(distance(action, difference, 0, system_.layout().multiplier_start()), 1e-13);
+    la::Handle<Vec> z = random_vector(system_, 22), action_of_z = vector();
+    system_.momentum_action(z, action_of_z);
+    POLYSLIP_PETSC(VecAYPX(z, -3.0, y));  // y - 3 z
+    system_.momentum_action(z, twice);
+    POLYSLIP_PETSC(VecAXPY(action, -3.0, action_of_z));
+    EXPECT_LT(distance(twice, action, 0, system_.layout().multiplier_start()), 1e-13);
+    const VecRead rows(action);
+    for (Index i = system_.layout().multiplier_start(); i < system_.layout().size(); ++i) EXPECT_EQ(rows[i], 0);
+  }
+}
+
+TEST_P(linearisation, condensed_direction_solves_the_saddle_system) {
+  // recover(f, nodal) for any nodal part zeroes the bubble and contact rows, and leaves the condensed residual in the nodal rows.
+  la::Handle<Mat> jacobian = assembly::create_saddle_matrix(system_);
+  system_.linearise(scene_.x, Content::bulk);
+  assembly::fill_saddle_matrix(system_, jacobian);
+  for (Content content : {Content::symmetric, Content::exact}) {
+    system_.linearise(scene_.x, content);
+    const la::Handle<Vec> f = residual(scene_.x), y = random_vector(system_, 31);
+    la::Handle<Vec> nodal = system_.layout().create_nodal_vector(), direction = vector(), product = vector();
+    {
+      const VecRead a(y);
+      const assembly::VecWrite b(nodal);
+      std::copy_n(a.data(), system_.layout().nodal_size(), b.data());
+    }
+    system_.recover(f, nodal, direction);
+    POLYSLIP_PETSC(MatMult(jacobian, direction, product));
+    const assembly::Layout& l = system_.layout();
+    EXPECT_LT(distance(product, f, l.bubble_start(), l.size()), 1e-11);
+
+    // Nodal rows: J direction - f = C nodal - (condensed residual)
+    la::Handle<Vec> condensed = system_.layout().create_nodal_vector(), rhs = system_.layout().create_nodal_vector();
+    system_.apply_condensed(nodal, condensed);
+    system_.condense_residual(f, rhs);
+    POLYSLIP_PETSC(VecAXPY(condensed, -1.0, rhs));
+    POLYSLIP_PETSC(VecAXPY(product, -1.0, f));
+    const VecRead a(condensed), b(product);
+    std::vector<double> error, size;
+    for (Index i = 0; i < l.nodal_size(); ++i) {
+      if (system_.fixed()[i]) continue;
+      error.push_back(a[i] - b[i]);
+      size.push_back(a[i]);
+    }
+    EXPECT_LT(largest(error), 1e-11 * largest(size));
+  }
+}
+
+TEST_P(linearisation, contact_line_follows_the_full_residual) {
+  system_.linearise(scene_.x, Content::symmetric);
+  const la::Handle<Vec> y = random_vector(system_, 41, 0.1);
+  const auto line = system_.contact_line(scene_.x, y);
+  const assembly::Layout& l = system_.layout();
+  for (double alpha : {0.0, 0.25, 1.0}) {
+    la::Handle<Vec> full = residual(along(-alpha, y)), rows = vector();
+    double squares = 0;
+    {
+      const VecRead f(full);
+      for (Index i = l.multiplier_start(); i < l.size(); ++i) squares += f[i] * f[i];
+    }
+    squares = mpi::sum(PETSC_COMM_WORLD, squares);
+    EXPECT_NEAR(system_.contact_merit(line, alpha), squares, 1e-12 * squares);
+    system_.set_contact_rows(line, alpha, rows);
+    EXPECT_LT(distance(rows, full, l.multiplier_start(), l.size()), 1e-13);
+  }
+}
+
+INSTANTIATE_TEST_SUITE_P(every_shape, linearisation, testing::ValuesIn(all_shapes()), ShapeName());
+
+/// Condensed blocks with one contact state on all faces, against the formulas of scheme.md section 6.
+class condensed_blocks : public testing::TestWithParam<Shape> {
+ protected:
+  ContactScene scene_{[] { return fractured_box(GetParam(), 4, 0.25, 0.75); }, mixed_contact(GetParam().dim)};
+  MechanicsSystem& system_ = *scene_.system;
+  int dim_ = GetParam().dim;
+
+  /// Multipliers and jumps that put every face in this state.
+  void put(ContactState state) {
+    const assembly::VecWrite a(scene_.x);
+    const assembly::Layout& l = system_.layout();
+    std::fill_n(a.data(), l.size(), 0.0);
+    for (Index f = 0; f < l.fracture_size(); f += dim_) {
+      a[l.multiplier_start() + f] = state == ContactState::open ? -1 : 1;
+      a[l.multiplier_start() + f + 1] = state == ContactState::slip ? 0.8 : 0.1;
+    }
+  }
+  template <class Body>
+  void for_each_cell(ContactState state, Body&& body) {
+    put(state);
+    system_.linearise(scene_.x, Content::exact);
+    const auto& cells = system_.contact_cells();
+    for (Index p = 0; p < cells.size(); ++p) {
+      const auto blocks = cells.saddle_blocks(p, system_.linearised_law());
+      const Eigen::Index n = blocks.ee.rows();
+      const Eigen::MatrixXd c = Eigen::Map<const Eigen::Matrix<double, -1, -1, Eigen::RowMajor>>(cells.block(p).data(), n, n);
+      body(blocks, c);
+    }
+  }
+};
+
+TEST_P(condensed_blocks, agree_with_dense_elimination_in_every_state) {
+  for (ContactState state : {ContactState::open, ContactState::stick, ContactState::slip})
+    for_each_cell(state, [&](const auto& m, const Eigen::MatrixXd& c) {
+      const Eigen::MatrixXd expected = m.ee - m.ei * m.ii.fullPivLu().solve(m.ie);
+      EXPECT_LT((c - expected).norm(), 1e-12 * expected.norm());
+    });
+}
+
+TEST_P(condensed_blocks, are_elasticity_glued_across_the_face_where_it_sticks) {
+  for_each_cell(ContactState::stick, [&](const auto& m, const Eigen::MatrixXd& c) {
+    // W^T A W with W = [I; -J]; J from the momentum coupling |sigma| j_e R^T and |sigma| R^T.
+    const Eigen::Index nb = m.ii.rows() / 2, ne = m.ee.rows();
+    const Eigen::MatrixXd j = (m.ei.rightCols(nb) * m.ii.topRightCorner(nb, nb).inverse()).transpose();
+    Eigen::MatrixXd a(ne + nb, ne + nb), w(ne + nb, ne);
+    a << m.ee, m.ei.leftCols(nb), m.ie.topRows(nb), m.ii.topLeftCorner(nb, nb);
+    w << Eigen::MatrixXd::Identity(ne, ne), -j;
+    const Eigen::MatrixXd expected = w.transpose() * a * w;
+    EXPECT_LT((c - expected).norm(), 1e-12 * expected.norm());
+    EXPECT_LT((c - c.transpose()).norm(), 1e-13 * c.norm());
+  });
+}
+
+TEST_P(condensed_blocks, are_the_schur_complement_of_the_bubbles_where_the_face_is_open) {
+  for_each_cell(ContactState::open, [&](const auto& m, const Eigen::MatrixXd& c) {
+    const Eigen::Index nb = m.ii.rows() / 2;
+    const Eigen::MatrixXd expected = m.ee - m.ei.leftCols(nb) * m.ii.topLeftCorner(nb, nb).ldlt().solve(m.ie.topRows(nb));
+    EXPECT_LT((c - expected).norm(), 1e-12 * expected.norm());
+    EXPECT_LT((c - c.transpose()).norm(), 1e-13 * c.norm());
+  });
+}
+
+TEST_P(condensed_blocks, are_symmetric_only_without_frictional_slip) {
+  put(ContactState::stick);
+  system_.linearise(scene_.x, Content::symmetric);
+  EXPECT_TRUE(system_.is_symmetric());
+  EXPECT_TRUE(system_.matrix_is_exact());
+  put(ContactState::slip);
+  system_.linearise(scene_.x, Content::symmetric);
+  EXPECT_FALSE(system_.is_symmetric());
+  EXPECT_FALSE(system_.matrix_is_exact());
+  PetscBool symmetric = PETSC_FALSE;
+  POLYSLIP_PETSC(MatIsSymmetric(system_.matrix(), 1e-12, &symmetric));
+  EXPECT_TRUE(symmetric) << "P leaves friction out";
+  system_.linearise(scene_.x, Content::exact);
+  EXPECT_TRUE(system_.matrix_is_exact());
+}
+
+INSTANTIATE_TEST_SUITE_P(every_shape, condensed_blocks, testing::ValuesIn(all_shapes()), ShapeName());
+
+}  // namespace
+}  // namespace polyslip
