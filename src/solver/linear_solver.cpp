@@ -145,7 +145,7 @@ PetscErrorCode LinearSolver::run(double rtol, double target) {
 
 PetscErrorCode LinearSolver::solve(Vec f, Vec direction, double target, bool loose) {
   PetscFunctionBeginUser;
-  const double rtol = loose ? 1e-3 : 0.0;
+  const double rtol = loose && !factorises_ ? 1e-3 : 0.0;
   PetscCallCXX(system_.condense_residual(f, rhs_));
   PetscCall(run(rtol, target));
   if (failed_ && is_reused_) {

@@ -27,8 +27,8 @@ class LinearSolver {
   /// Tells that the matrix has changed, with the faces (over all ranks) whose state changed since the last call. The preconditioner
   /// is set up again only if they are too many for the Krylov method to make up for, or if this has begun to cost iterations.
   void matrix_changed(long long changed_faces);
-  /// direction = J^{-1} f, to `target` [N] in the condensed residual; `loose`: to 1e-3 of the right-hand side at most, for steps after
-  /// which the active set is likely to change anyway.
+  /// direction = J^{-1} f, to `target` [N] in the condensed residual; `loose`: multigrid stops at 1e-3 of the right-hand side, for
+  /// steps after which the active set is likely to change anyway.
   PetscErrorCode solve(Vec f, Vec direction, double target, bool loose);
 
   /// Sentence for the log: what was chosen and why.
