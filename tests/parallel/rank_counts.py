@@ -1,0 +1,35 @@
+"""The same scene on 1, 2, 3 and 4 ranks: the same mesh, unknowns, Newton iterations, contact states and errors."""
+
+import unittest
+
+from scene_runs import Run
+
+
+class RankCounts(unittest.TestCase):
+    def assert_same(self, example, settings, rank_counts):
+        one = Run(example, settings)
+        for ranks in rank_counts:
+            with self.subTest(example=example, ranks=ranks):
+                run = Run(example, settings, ranks)
+                self.assertEqual(run.summary["ranks"], ranks)
+                for part in ("mesh", "dofs", "steps", "newton", "active_set"):
+                    for key, value in one.summary[part].items():
+                        self.assertEqual(run.summary[part][key], value, f"{part}.{key}")
+                self.assertGreater(len(one.errors), 0)
+                for name, value in one.errors.items():
+                    self.assertAlmostEqual(run.errors[name], value, delta=1e-8 * value + 1e-15, msg=name)
+                for column in ("open", "stick", "slip", "changed", "step_length"):
+                    self.assertEqual(run.newton[column], one.newton[column], column)
+
+    def test_a_frictional_crack_does_not_depend_on_the_rank_count(self):
+        self.assert_same("single_crack", {"study.n": 20}, (2, 3, 4))
+
+    def test_contact_in_three_dimensions_does_not_depend_on_the_rank_count(self):
+        self.assert_same("manufactured_contact_3d", {"mesh.box.cells": "[6,6,6]"}, (2, 3))
+
+    def test_contact_between_tetrahedra_does_not_depend_on_the_rank_count(self):
+        self.assert_same("manufactured_contact_3d", {"mesh.box.cells": "[4,4,4]", "mesh.box.shape": "tets"}, (3,))
+
+
+if __name__ == "__main__":
+    unittest.main()
