@@ -21,8 +21,8 @@ class ManufacturedContact(unittest.TestCase):
                 with self.subTest(n=n, name=name):
                     self.assertAlmostEqual(found[name] / value, 1, delta=5e-4)
 
-    # Coarse errors (n = 8) and orders from n = 4 to 8, and to 16 for tets: bounds just above the errors, windows for the orders. Before the
-    # asymptotic range displacements fall with less than order 2; lam_n on Voronoi cells with their tiny faces is the slowest.
+    # Errors at n = 8 and orders from n = 4 to 8, and to 16 for tets: bounds just above the errors, windows for the orders. Before
+    # the asymptotic range displacements fall with less than order 2; lam_n on Voronoi cells with their tiny faces is the slowest.
     BOUNDS = {
         "tets": (0.070, 0.265, 0.263, 0.387),
         "prisms": (0.130, 0.279, 0.269, 0.379),

@@ -24,8 +24,8 @@ class SingleCrack(unittest.TestCase):
             self.assertAlmostEqual(found / value, 1, delta=2e-3)
 
     def test_coarse_errors_agree_with_those_of_the_middle_of_the_crack(self):
-        # With N = 20 two faces are centred on the ends of the middle 95 %: the scene leaves them out, the reference takes their inner
-        # halves. Errors of the constant lam_n are means over faces, so that halves can be put together from 18 and 20 faces.
+        # With N = 20 two faces are centred on the ends of the middle 95 %: the scene leaves them out, the reference takes their
+        # inner halves. Errors of the constant lam_n are means over faces: halves can be put together from 18 and 20 faces.
         wider = Run("single_crack", {"study.n": 20, "exact.faces": "abs(x) < 0.951", **ALIKE})
         inner, outer = errors_of(self.alike[20]), errors_of(wider)
         halves = math.sqrt((18 * inner[1] ** 2 + (20 * outer[1] ** 2 - 18 * inner[1] ** 2) / 2) / 19)

@@ -18,8 +18,8 @@ inline void PrintTo(const Shape& shape, std::ostream* out) { *out << shape.name 
 
 /// Every shape that make_box knows.
 inline const std::vector<Shape>& all_shapes() {
-  static const std::vector<Shape> shapes{{2, "quads"},     {2, "triangles"}, {2, "polygons"},  {2, "warped"}, {3, "hexahedra"},
-                                         {3, "tets"},      {3, "prisms"},    {3, "polyhedra"}, {3, "warped"}, {3, "cut"}};
+  static const std::vector<Shape> shapes{{2, "quads"}, {2, "triangles"}, {2, "polygons"},  {2, "warped"}, {3, "hexahedra"},
+                                         {3, "tets"},  {3, "prisms"},    {3, "polyhedra"}, {3, "warped"}, {3, "cut"}};
   return shapes;
 }
 
@@ -47,8 +47,8 @@ inline mesh::FractureGeometry upright_fracture(int dim, double at, double low, d
   return {"upright", "test", "", {{at, low, low}, {at, low, high}, {at, high, high}, {at, high, low}}};
 }
 
-/// The unit box with a fracture on x = 1/2 from `low` to `high`, planes through its ends kept; copies are built. Wants cell counts that
-/// put lattice planes there.
+/// The unit box with a fracture on x = 1/2 from `low` to `high`, planes through its ends kept; copies are built. Wants cell counts
+/// that put lattice planes there.
 inline mesh::PolyMesh fractured_box(const Shape& shape, Index n, double low, double high) {
   mesh::BoxSpec spec = unit_box(shape, n);
   spec.kept_planes = {{0, 0.5}};

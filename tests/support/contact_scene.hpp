@@ -1,4 +1,5 @@
-// A mechanical problem with fractures on all ranks of PETSC_COMM_WORLD, ready to be assembled and solved; and the words to state one.
+// A mechanical problem with fractures on all ranks of PETSC_COMM_WORLD, ready to be assembled and solved; and the words to state
+// one.
 #pragma once
 
 #include <fmt/format.h>
@@ -45,7 +46,8 @@ inline physics::ContactRule contact(physics::FrictionLaw law, double friction, d
 inline std::vector<std::string> as_text(int dim, const Vec3& constant, const Eigen::Matrix3d& gradient) {
   std::vector<std::string> text;
   for (int a = 0; a < dim; ++a)
-    text.push_back(fmt::format("{:.17g} + {:.17g}*x + {:.17g}*y + {:.17g}*z", constant[a], gradient(a, 0), gradient(a, 1), gradient(a, 2)));
+    text.push_back(
+        fmt::format("{:.17g} + {:.17g}*x + {:.17g}*y + {:.17g}*z", constant[a], gradient(a, 0), gradient(a, 1), gradient(a, 2)));
   return text;
 }
 
@@ -137,7 +139,8 @@ inline la::Handle<Vec> random_vector(const assembly::MechanicsSystem& system, un
   std::mt19937 random(seed + 1000 * static_cast<unsigned>(mpi::rank(PETSC_COMM_WORLD)));
   std::uniform_real_distribution<double> value(-size, size);
   const assembly::VecWrite a(v);
-  for (Index i = 0; i < system.layout().size(); ++i) a[i] = i < system.layout().nodal_size() && system.fixed()[i] ? 0.0 : value(random);
+  for (Index i = 0; i < system.layout().size(); ++i)
+    a[i] = i < system.layout().nodal_size() && system.fixed()[i] ? 0.0 : value(random);
   return v;
 }
 

@@ -21,7 +21,8 @@ class linearisation : public testing::TestWithParam<Shape> {
  protected:
   static constexpr double friction = 0.6;
   int dim_ = GetParam().dim;
-  ContactScene scene_{[] { return fractured_box(GetParam(), GetParam().dim == 2 ? 6 : 4, 0, 1); }, mixed_contact(GetParam().dim, friction)};
+  ContactScene scene_{[] { return fractured_box(GetParam(), GetParam().dim == 2 ? 6 : 4, 0, 1); },
+                      mixed_contact(GetParam().dim, friction)};
   MechanicsSystem& system_ = *scene_.system;
 
   void SetUp() override {

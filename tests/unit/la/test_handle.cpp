@@ -54,7 +54,9 @@ TEST(handle, destroys_an_object_of_each_kind_once) {
   EXPECT_EQ(destructions<DM>(DMCreate), 1);
   EXPECT_EQ(destructions<PetscSF>(PetscSFCreate), 1);
   EXPECT_EQ(destructions<PetscViewer>(PetscViewerCreate), 1);
-  EXPECT_EQ(destructions<MatNullSpace>([](MPI_Comm comm, MatNullSpace* o) { return MatNullSpaceCreate(comm, PETSC_TRUE, 0, nullptr, o); }), 1);
+  EXPECT_EQ(destructions<MatNullSpace>(
+                [](MPI_Comm comm, MatNullSpace* o) { return MatNullSpaceCreate(comm, PETSC_TRUE, 0, nullptr, o); }),
+            1);
 }
 
 TEST(handle, is_null_after_a_move_and_the_object_lives_on) {

@@ -44,9 +44,9 @@ TEST(contact_law, carries_no_shear_without_friction) {
 }
 
 TEST(contact_law, vanishes_exactly_at_admissible_states) {
-  const std::vector<ContactPoint> solutions{{{4, 1, 1}, {0, 0.3, 0.1}, {0, 0.3, 0.1}},          // stick
-                                            {{10, 3, 4}, {0, 0.6, 0.8}, Vec3::Zero()},          // slip along the traction
-                                            {Vec3::Zero(), {-0.2, 0.4, 0}, Vec3::Zero()}};      // open
+  const std::vector<ContactPoint> solutions{{{4, 1, 1}, {0, 0.3, 0.1}, {0, 0.3, 0.1}},      // stick
+                                            {{10, 3, 4}, {0, 0.6, 0.8}, Vec3::Zero()},      // slip along the traction
+                                            {Vec3::Zero(), {-0.2, 0.4, 0}, Vec3::Zero()}};  // open
   for (const ContactPoint& p : solutions)
     for (double b : {1e-3, 1.0, 1e5}) EXPECT_LT(contact_residual(coulomb, p, {b}).norm(), 1e-9) << b;
 }

@@ -26,7 +26,8 @@ Eigen::MatrixXd stiffness(const mesh::PolyMesh& mesh, const VemCell& vem, double
 template <class Field>
 Eigen::VectorXd interpolate(const mesh::PolyMesh& mesh, const VemCell& vem, const Field& field) {
   Eigen::VectorXd v = Eigen::VectorXd::Zero(mesh.dim * vem.size());
-  for (int s = 0; s < vem.n_nodes(); ++s) v.segment(mesh.dim * s, mesh.dim) = field(mesh.nodes[mesh.cell_nodes[vem.cell()][s]]).head(mesh.dim);
+  for (int s = 0; s < vem.n_nodes(); ++s)
+    v.segment(mesh.dim * s, mesh.dim) = field(mesh.nodes[mesh.cell_nodes[vem.cell()][s]]).head(mesh.dim);
   return v;
 }
 

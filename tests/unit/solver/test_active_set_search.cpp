@@ -141,7 +141,8 @@ TEST_F(active_set_trace, ends_a_cycle_of_period_three) {
 
 TEST_F(active_set_trace, sees_no_cycle_where_the_residual_falls) {
   double merit = 1;
-  for (int k = 0; k < 12; ++k, merit /= 2.1) trace_.advance(k % 2 == 0 ? stuck_ : open_, merit, 2);  // two steps: less than a quarter
+  for (int k = 0; k < 12; ++k, merit /= 2.1)
+    trace_.advance(k % 2 == 0 ? stuck_ : open_, merit, 2);  // two steps: less than a quarter
   EXPECT_FALSE(trace_.cycle);
 }
 

@@ -13,7 +13,7 @@ using physics::FrictionLaw;
 
 /// Displacement linear on each side of x = 1/2.
 struct TwoSides {
-  Vec3 left = Vec3::Zero(), right = Vec3::Zero();                                        ///< u(0) on either side
+  Vec3 left = Vec3::Zero(), right = Vec3::Zero();  ///< u(0) on either side
   Eigen::Matrix3d left_gradient = Eigen::Matrix3d::Zero(), right_gradient = Eigen::Matrix3d::Zero();
 
   [[nodiscard]] Vec3 operator()(const Vec3& x, bool is_right) const {
@@ -28,7 +28,8 @@ struct TwoSides {
   }
 };
 
-/// Checks nodes, bubbles, jumps and multipliers (Cartesian, the same on all faces) against the exact ones, and the state of all faces.
+/// Checks nodes, bubbles, jumps and multipliers (Cartesian, the same on all faces) against the exact ones, and the state of all
+/// faces.
 void expect_solution(const ContactScene& scene, const TwoSides& u, const Vec3& multiplier, ContactState state) {
   const int dim = scene.mesh.mesh.dim;
   const Parts parts(scene.system->layout(), scene.x);
@@ -52,7 +53,8 @@ void expect_solution(const ContactScene& scene, const TwoSides& u, const Vec3& m
   EXPECT_LT(largest(parts.bubble), 1e-12 * size);
   EXPECT_LT(largest(jump_error), 1e-12 * size);
   // Where faces slip, Krylov's tolerance shows.
-  EXPECT_LT(largest(lam_error), (state == ContactState::slip ? 1e-10 : 1e-11) * std::max(multiplier.norm(), (2 * mu + lambda) * size));
+  EXPECT_LT(largest(lam_error),
+            (state == ContactState::slip ? 1e-10 : 1e-11) * std::max(multiplier.norm(), (2 * mu + lambda) * size));
   auto counts = scene.counts();
   EXPECT_EQ(counts[static_cast<std::size_t>(state)], scene.system->fracture_faces());
   EXPECT_GT(scene.system->fracture_faces(), 0);
@@ -88,7 +90,8 @@ class patches : public testing::TestWithParam<Shape> {
     return problem;
   }
   /// Solves with u on the whole boundary; `shear` and `pressing` are the traction of u on x = 1/2.
-  void expect_exact(const TwoSides& u, const physics::ContactRule& rule, double low, double high, const Vec3& multiplier, ContactState state) {
+  void expect_exact(const TwoSides& u, const physics::ContactRule& rule, double low, double high, const Vec3& multiplier,
+                    ContactState state) {
     ContactScene scene(boxed(low, high), held_all_round(u, rule));
     const auto result = scene.solve();
     ASSERT_TRUE(result.converged) << result.message;
@@ -155,7 +158,8 @@ physics::MechanicsProblem bar(int dim, double end, double pressure) {
   physics::MechanicsProblem problem;
   problem.boundary = {hold("left", {"0"}), hold("right", {fmt::format("{:.17g}", end)})};
   const std::vector<std::string> along_y{"", "0"}, along_z{"", "", "0"};
-  for (const char* side : {dim == 2 ? "bottom" : "front", dim == 2 ? "top" : "back"}) problem.boundary.push_back(hold(side, along_y));
+  for (const char* side : {dim == 2 ? "bottom" : "front", dim == 2 ? "top" : "back"})
+    problem.boundary.push_back(hold(side, along_y));
   if (dim == 3)
     for (const char* side : {"bottom", "top"}) problem.boundary.push_back(hold(side, along_z));
   problem.contact = {contact(FrictionLaw::coulomb, 0.6, pressure)};
