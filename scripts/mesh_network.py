@@ -198,8 +198,7 @@ def generate(network, arguments):
 
 
 def parse():
-    parser = argparse.ArgumentParser(prog="scripts/mesh_network", description=__doc__.split("\n")[0],
-                                     formatter_class=argparse.ArgumentDefaultsHelpFormatter)
+    parser = argparse.ArgumentParser(prog="scripts/mesh_network", description=__doc__.split("\n")[0])
     parser.add_argument("network", type=Path, metavar="SCENE.yaml|SEGMENTS.csv",
                         help="fractures by points, and the box if the scene has mesh.box; or rows FID,X1,Y1,X2,Y2 or FID,X,Y")
     parser.add_argument("-o", dest="output", type=Path, required=True, metavar="MESH.msh", help="mesh to write (msh 4.1, text)")
@@ -227,8 +226,11 @@ def main():
     gmsh.initialize(interruptible=False)
     gmsh.option.setNumber("General.Verbosity", 2)  # errors and warnings
     gmsh.option.setNumber("Mesh.MshFileVersion", 4.1)
-    cells = generate(network, arguments)
-    gmsh.write(str(arguments.output))
+    try:
+        cells = generate(network, arguments)
+        gmsh.write(str(arguments.output))
+    except Exception as error:  # Gmsh throws nothing more special.
+        raise SystemExit(f"mesh_network: Gmsh says: {error}.") from error
     gmsh.finalize()
     print(f"wrote {arguments.output}: {cells} cells, {len(network.fractures)} fractures")
 
