@@ -291,6 +291,23 @@ TEST_P(condensed_blocks, are_symmetric_only_without_frictional_slip) {
   EXPECT_GT(asymmetry(), 1e-4);
 }
 
+TEST_P(condensed_blocks, of_slip_with_friction_left_out_are_those_of_frictionless_contact) {
+  auto problem = mixed_contact(dim_);
+  problem.contact = {contact(physics::FrictionLaw::frictionless, 0)};
+  ContactScene smooth([] { return fractured_box(GetParam(), 4, 0.25, 0.75); }, problem);
+  put(ContactState::slip);
+  system_.linearise(scene_.x, Content::symmetric);
+  smooth.system->linearise(scene_.x, Content::symmetric);
+  la::Handle<Vec> x = nodal(61), with = system_.layout().create_nodal_vector(), without = system_.layout().create_nodal_vector();
+  POLYSLIP_PETSC(MatMult(system_.matrix(), x, with));
+  POLYSLIP_PETSC(MatMult(smooth.system->matrix(), x, without));
+  POLYSLIP_PETSC(VecAXPY(with, -1.0, without));
+  PetscReal difference = 0, size = 0;
+  POLYSLIP_PETSC(VecNorm(with, NORM_2, &difference));
+  POLYSLIP_PETSC(VecNorm(without, NORM_2, &size));
+  EXPECT_LT(difference, 1e-13 * size);
+}
+
 INSTANTIATE_TEST_SUITE_P(every_shape, condensed_blocks, testing::ValuesIn(all_shapes()), ShapeName());
 
 }  // namespace
