@@ -3,6 +3,7 @@
 
 #include <mpi.h>
 
+#include <array>
 #include <vector>
 
 #include "polyslip/mesh/poly_mesh.hpp"
@@ -20,6 +21,24 @@ struct Numbering {
   [[nodiscard]] GlobalIndex global(Index i) const { return i < owned ? first + i : ghosts[i - owned]; }
 };
 
+/// Entities that carry flow unknowns beside cells and fracture faces (scheme.md section 4); empty where a scene has no flow.
+/// Traces: one a matrix face off Gamma, one for each side of a fracture face. Ridges: what fracture faces are bounded by and meet at,
+/// the nodes (2D) or edges (3D) of the network, one for all fracture faces that share it.
+struct FlowEntities {
+  std::vector<std::array<Index, 2>> face_traces;  ///< Trace that face_cells[f][0] and [1] see (equal off Gamma), -1 where that cell is
+                                                  ///< not here or does not exist; one pair a local face.
+  Numbering traces;               ///< A trace belongs to the lowest rank that owns a cell which sees it.
+  std::vector<Index> trace_face;  ///< Local face of each local trace.
+
+  Csr fracture_ridges;            ///< Ridges of each local fracture face, aligned with its nodes: 2D ridge i is node i, 3D ridge i joins
+                                  ///< nodes i and i + 1 (cyclic).
+  Numbering ridges;               ///< A ridge belongs to the lowest rank that owns a fracture face which has it.
+  std::vector<std::array<Index, 2>> ridge_nodes;  ///< Local nodes; 2D: the second is -1.
+  Csr ridge_boundary_faces;       ///< Local faces on the boundary of the domain that hold the ridge's nodes; empty rows inside.
+
+  [[nodiscard]] bool empty() const { return face_traces.empty(); }
+};
+
 /// Part of a rank. The ghost layer holds every cell that shares a node (geometric, across Gamma too) with an owned cell, and then the
 /// cells across the fracture faces of all these. So the rows of every owned copy can be assembled without communication, condensed
 /// fracture blocks included. Ranks may own no cell.
@@ -35,6 +54,7 @@ struct DistributedMesh {
   Numbering copies;                 ///< A copy belongs to the lowest rank that owns a cell which sees it.
   Numbering fractures;              ///< Fracture faces with both sides here; a face belongs to the rank that owns its + cell.
   std::vector<Index> fracture_faces;  ///< Local face of each local fracture face, in the order of `fractures`.
+  FlowEntities flow;                ///< Only where PartitionOptions::flow asks for it.
 
   std::vector<GlobalIndex> cell_input;           ///< Number of each local cell in the serial mesh: independent of the rank count.
   std::vector<GlobalIndex> fracture_face_input;  ///< Number in the serial mesh of each local fracture face's face.
@@ -46,6 +66,7 @@ struct DistributedMesh {
 struct PartitionOptions {
   Index fracture_cell_weight = 2;  ///< Work of a cell that touches Gamma, in units of a plain cell.
   Index fracture_edge_weight = 8;  ///< Cost of cutting a fracture face, in units of a plain face.
+  bool flow = false;               ///< Whether to number the entities of the flow space.
 };
 
 /// Splits the serial mesh (rank 0's; ignored elsewhere) into parts with METIS and sends each rank its part; the serial mesh is
