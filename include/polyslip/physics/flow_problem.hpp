@@ -11,14 +11,15 @@
 
 namespace polyslip::physics {
 
-/// Hydraulic properties of the cells of one region (empty: all) where `where` is not zero; later rules win as a whole.
+/// Hydraulic properties of the cells of one region (empty: all) where `where` is not zero; later rules win property by property, so that
+/// a rule may give just what differs. Evaluated at the cell centre.
 struct HydraulicRule {
   std::string region;
   std::optional<Expression> where;
-  /// K_m [m2], symmetric positive definite: xx yy zz xy yz xz, evaluated at the cell centre (2D: xx yy xy are used).
-  std::array<Expression, 6> permeability;
-  Expression biot;             ///< b [-], 0 .. 1
-  Expression inverse_modulus;  ///< 1/M [1/Pa], 0 for an infinite Biot modulus
+  /// K_m [m2], symmetric positive definite: xx yy zz xy yz xz (2D: xx yy xy are used). Some rule must give it in every cell.
+  std::optional<std::array<Expression, 6>> permeability;
+  std::optional<Expression> biot;             ///< b [-], 0 .. 1; 1 where no rule gives it.
+  std::optional<Expression> inverse_modulus;  ///< 1/M [1/Pa], 0 for an infinite Biot modulus; 0 where no rule gives it.
   std::string place;
 };
 

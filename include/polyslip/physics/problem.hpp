@@ -32,6 +32,8 @@ struct BoundaryRule {
 
 enum class Stabilisation { two_mu, two_mu_lambda };  ///< Factor 2mu or 2mu + lambda of S_K (scheme.md section 3).
 
+enum class Bubbles { fracture, all };  ///< Faces with a bubble unknown: + sides of fractures, or all faces.
+
 enum class FrictionLaw { frictionless, tresca, coulomb };
 
 /// Contact on one fracture (or on all: fracture empty); later rules win.
@@ -50,6 +52,9 @@ struct MechanicsProblem {
   std::vector<BoundaryRule> boundary;
   std::array<Expression, 3> body_force;  ///< f [N/m3]
   Stabilisation stabilisation = Stabilisation::two_mu;
+  Bubbles bubbles = Bubbles::fracture;
+  /// sigma_0 [Pa], tension positive: xx yy zz xy yz xz at x = cell centre (2D: yz = xz = 0); the effective stress is sigma_0 + C:eps(u).
+  std::optional<std::array<Expression, 6>> initial_stress;
   std::vector<ContactRule> contact;
   Formulation formulation = Formulation::condensed;
   double beta_scale = 0.1;  ///< beta_n = beta_t = beta_scale (2 mu + lambda)/h_K
@@ -68,7 +73,17 @@ struct ExactSolution {
 
 /// Load steps from `start` to `end`; a static scene has one.
 struct TimeSpan {
-  double start = 0, end = 1, step = 1;  ///< [s]
+  double start = 0, end = 1, step = 1;   ///< [s]
+  double smallest_step = 0;              ///< A step that fails is cut down to this [s]; 0: step/1024.
+  double largest_step = 0;               ///< Steps that go well may grow to this [s], at least `step`; 0: step.
+  std::vector<double> outputs = {};      ///< Times at which a step ends exactly [s]: increasing, after `start`, not after `end`.
+};
+
+/// Where a run starts.
+struct InitialState {
+  /// True: from the equilibrium under the loads at time.start with the initial pressures, fractures stuck or open as they come; slip and
+  /// storage are measured from it. False: from zero displacement, so that loads at time.start act within the first step.
+  bool equilibrium = false;
 };
 
 }  // namespace polyslip::physics

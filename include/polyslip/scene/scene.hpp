@@ -9,6 +9,7 @@
 
 #include "polyslip/mesh/fractures.hpp"
 #include "polyslip/mesh/generators.hpp"
+#include "polyslip/physics/flow_problem.hpp"
 #include "polyslip/physics/problem.hpp"
 
 namespace polyslip::scene {
@@ -22,7 +23,7 @@ struct MeshSource {
   std::string place;  ///< For messages: "scene.yaml:7 (mesh.file)".
 };
 
-/// A named point at which history.csv records the displacement.
+/// A named point at which history.csv records displacement and pressure.
 struct Probe {
   std::string name;
   Vec3 at = Vec3::Zero();  ///< [m]
@@ -31,6 +32,7 @@ struct Probe {
 
 struct Output {
   int every = 1;  ///< Fields are written after every so many accepted steps, and always after the last.
+  int checkpoint_every = 0;  ///< A checkpoint is written after every so many accepted steps; 0: at the end and when stopped.
   std::vector<Probe> probes;
 };
 
@@ -43,10 +45,14 @@ struct Scene {
   std::string dim_place;                ///< The place that told.
   MeshSource mesh;
   std::vector<mesh::FractureGeometry> fractures;
+  bool has_mechanics = true;  ///< False: flow in a rigid rock; `mechanics` is empty then.
   physics::MechanicsProblem mechanics;
+  std::optional<physics::FlowProblem> flow;
+  physics::InitialState initial;
   physics::TimeSpan time;
   Output output;
   std::optional<physics::ExactSolution> exact;
+  std::optional<physics::ExactFlow> exact_flow;
   std::string resolved;  ///< See resolved_yaml.
 };
 
