@@ -423,6 +423,14 @@ void MechanicsSystem::linearise(Vec x, MatrixContent content) {
   write_contact_rows(content);
 }
 
+std::vector<PetscInt> MechanicsSystem::changing_rows() const {
+  std::vector<PetscInt> rows;
+  const int dim = layout_.dim();
+  for (Index copy : contact_rows_)
+    for (int a = 0; a < dim; ++a) rows.push_back(dim * (mesh_.copies.first + copy) + a);
+  return rows;
+}
+
 void MechanicsSystem::apply_condensed(Vec x, Vec y) const {
   POLYSLIP_PETSC(MatMult(matrix_->get(), x, y));
   if (matrix_is_exact_) return;

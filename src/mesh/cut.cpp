@@ -3,7 +3,10 @@
 #include <algorithm>
 #include <array>
 #include <limits>
+#include <numeric>
 #include <utility>
+
+#include "polyslip/mesh/flow_entities.hpp"
 
 namespace polyslip::mesh {
 
@@ -86,6 +89,14 @@ void LocalSet::clear() {
   members_.clear();
 }
 
+Numbering all_owned(Index n) { return {.owned = n, .first = 0, .total = n, .ghosts = {}}; }
+
+std::vector<GlobalIndex> counted(const Numbering& numbers) {
+  std::vector<GlobalIndex> result(numbers.owned);
+  std::iota(result.begin(), result.end(), 0);
+  return result;
+}
+
 std::vector<Index> copy_owner(const PolyMesh& mesh, const std::vector<Index>& part) {
   std::vector<Index> owner(mesh.n_copies(), std::numeric_limits<Index>::max());
   for (Index cell = 0; cell < mesh.n_cells(); ++cell) {
@@ -102,29 +113,37 @@ std::vector<Index> fracture_owner(const PolyMesh& mesh, const std::vector<Index>
   return owner;
 }
 
-PartCutter::PartCutter(const PolyMesh& whole, const std::vector<Index>& part, Index ranks)
+PartCutter::PartCutter(const PolyMesh& whole, const std::vector<Index>& part, Index ranks, FlowEntities flow)
     : whole_(whole),
+      flow_(std::move(flow)),
       node_cells_(transpose(whole.cell_nodes, whole.n_nodes())),
       cell_owners_(part, ranks),
       copy_owners_(copy_owner(whole, part), ranks),
       fracture_owners_(fracture_owner(whole, part), ranks),
+      trace_owners_(trace_owner(whole, flow_, part), ranks),
+      ridge_owners_(ridge_owner(whole, flow_, part), ranks),
+      fracture_faces_(inner_fracture_faces(whole)),
       cells_(whole.n_cells()),
       copies_(whole.n_copies()),
       fractures_(whole.n_faces()),
       faces_(whole.n_faces()),
-      nodes_(whole.n_nodes()) {}
+      nodes_(whole.n_nodes()),
+      traces_(flow_.traces.total),
+      ridges_(flow_.ridges.total) {}
 
 DistributedMesh PartCutter::cut(Index rank) {
   collect_cells(rank);
   collect_fractures(rank);
   collect_copies(rank);
   collect_faces_and_nodes();
+  if (!flow_.empty()) collect_flow(rank);
 
   DistributedMesh part;
   part.cells = numbering(cells_, cell_owners_, rank);
   part.copies = numbering(copies_, copy_owners_, rank);
   part.fractures = numbering(fractures_, fracture_owners_, rank);
   part.cell_input = cells_.members();
+  part.copy_input = copies_.members();
   part.fracture_face_input = fractures_.members();
   for (const Index face : fractures_.members()) part.fracture_faces.push_back(faces_[face]);
   part.total_faces = whole_.n_faces();
@@ -132,8 +151,9 @@ DistributedMesh PartCutter::cut(Index rank) {
   fill_faces(part);
   fill_cells(part);
   fill_data(part);
+  if (!flow_.empty()) fill_flow(part, rank);
 
-  for (LocalSet* set : {&cells_, &copies_, &fractures_, &faces_, &nodes_}) set->clear();
+  for (LocalSet* set : {&cells_, &copies_, &fractures_, &faces_, &nodes_, &traces_, &ridges_}) set->clear();
   return part;
 }
 
@@ -233,6 +253,63 @@ void PartCutter::fill_data(DistributedMesh& part) const {
   mesh.fracture_names = whole_.fracture_names;
   mesh.fracture_length = whole_.fracture_length;
   mesh.face_tip_distance = gather(whole_.face_tip_distance, faces_.members());
+}
+
+std::span<const Index> PartCutter::ridges_of(Index face) const {
+  const auto place = std::lower_bound(fracture_faces_.begin(), fracture_faces_.end(), face) - fracture_faces_.begin();
+  return flow_.fracture_ridges[static_cast<Index>(place)];
+}
+
+/// All traces that local cells see and all ridges of local fracture faces. What the rows of owned entities need is among them:
+///  * an owned trace is seen by an owned cell; the cell across, if it sees the trace too, shares the face's nodes and is here;
+///  * an owned ridge lies on a fracture face whose + cell is owned, so that an owned cell has the ridge's nodes. Both cells of any other
+///    fracture face at the ridge have these nodes too, hence are in the ghost layer: the face is local, with both its sides.
+void PartCutter::collect_flow(Index rank) {
+  add_owned(traces_, trace_owners_, rank);
+  add_owned(ridges_, ridge_owners_, rank);
+  const Index owned_traces = traces_.size(), owned_ridges = ridges_.size();
+  for (const Index face : faces_.members()) {
+    for (int side = 0; side < 2; ++side) {
+      const Index cell = whole_.face_cells[face][side];
+      if (cell >= 0 && cells_[cell] >= 0) traces_.add(flow_.face_traces[face][side]);
+    }
+  }
+  for (const Index face : fractures_.members()) {
+    for (const Index ridge : ridges_of(face)) ridges_.add(ridge);
+  }
+  traces_.sort_from(owned_traces, trace_owners_.number);
+  ridges_.sort_from(owned_ridges, ridge_owners_.number);
+}
+
+void PartCutter::fill_flow(DistributedMesh& part, Index rank) const {
+  FlowEntities& flow = part.flow;
+  flow.traces = numbering(traces_, trace_owners_, rank);
+  flow.trace_input = traces_.members();
+  for (const Index trace : traces_.members()) flow.trace_face.push_back(faces_[flow_.trace_face[trace]]);
+  for (Index face = 0; face < faces_.size(); ++face) {
+    const auto& sides = part.mesh.face_cells[face];
+    const auto& traces = flow_.face_traces[faces_.members()[face]];
+    const bool one_trace = !part.mesh.on_fracture(face);  // and the face may be turned
+    flow.face_traces.push_back(
+        {sides[0] < 0 ? -1 : traces_[traces[0]], sides[1] < 0 ? -1 : traces_[traces[one_trace ? 0 : 1]]});
+  }
+
+  flow.ridges = numbering(ridges_, ridge_owners_, rank);
+  flow.ridge_input = ridges_.members();
+  for (const Index face : fractures_.members()) {
+    std::vector<Index> ridges;
+    for (const Index ridge : ridges_of(face)) ridges.push_back(ridges_[ridge]);
+    flow.fracture_ridges.push_row(ridges);
+  }
+  for (const Index ridge : ridges_.members()) {
+    const auto& [first, second] = flow_.ridge_nodes[ridge];
+    flow.ridge_nodes.push_back({nodes_[first], second < 0 ? -1 : nodes_[second]});
+    std::vector<Index> boundary;
+    for (const Index face : flow_.ridge_boundary_faces[ridge]) {
+      if (faces_[face] >= 0) boundary.push_back(faces_[face]);
+    }
+    flow.ridge_boundary_faces.push_row(boundary);
+  }
 }
 
 }  // namespace polyslip::mesh

@@ -2,13 +2,13 @@
 
 #include <algorithm>
 #include <cstdint>
-#include <numeric>
 #include <stdexcept>
 
 #include "polyslip/common/error.hpp"
 #include "polyslip/common/mpi.hpp"
 #include "polyslip/mesh/cut.hpp"
 #include "polyslip/mesh/distributed_mesh.hpp"
+#include "polyslip/mesh/flow_entities.hpp"
 #include "polyslip/mesh/packing.hpp"
 #include "polyslip/mesh/partition.hpp"
 
@@ -38,33 +38,31 @@ std::vector<std::byte> receive(MPI_Comm comm, int from) {
   return bytes;
 }
 
-Numbering all_owned(Index n) { return {.owned = n, .first = 0, .total = n, .ghosts = {}}; }
-
 /// The whole mesh as the part of the only rank: arrays are moved, not copied.
-DistributedMesh whole_part(PolyMesh&& serial) {
+DistributedMesh whole_part(PolyMesh&& serial, const PartitionOptions& options) {
   DistributedMesh part;
   part.mesh = std::move(serial);
   const PolyMesh& mesh = part.mesh;
   part.cells = all_owned(mesh.n_cells());
   part.copies = all_owned(mesh.n_copies());
-  part.cell_input.resize(mesh.n_cells());
-  std::iota(part.cell_input.begin(), part.cell_input.end(), 0);
+  part.cell_input = counted(part.cells);
+  part.copy_input = counted(part.copies);
   part.face_is_boundary.resize(mesh.n_faces());
-  for (Index face = 0; face < mesh.n_faces(); ++face) {
-    part.face_is_boundary[face] = mesh.on_boundary(face) ? 1 : 0;
-    if (mesh.on_fracture(face) && !mesh.on_boundary(face)) part.fracture_faces.push_back(face);
-  }
+  for (Index face = 0; face < mesh.n_faces(); ++face) part.face_is_boundary[face] = mesh.on_boundary(face) ? 1 : 0;
+  part.fracture_faces = inner_fracture_faces(mesh);
   part.fractures = all_owned(static_cast<Index>(part.fracture_faces.size()));
   part.fracture_face_input = part.fracture_faces;
   part.total_faces = mesh.n_faces();
   part.total_nodes = mesh.n_nodes();
+  if (options.flow) part.flow = flow_entities(mesh);
   return part;
 }
 
 /// Rank 0 cuts and sends part by part, so that beside the whole mesh it holds one part at a time, and keeps its own.
-DistributedMesh cut_and_send(MPI_Comm comm, const PolyMesh& serial, const std::vector<Index>& part) {
+DistributedMesh cut_and_send(MPI_Comm comm, const PolyMesh& serial, const std::vector<Index>& part,
+                             const PartitionOptions& options) {
   const int ranks = mpi::size(comm);
-  PartCutter cutter(serial, part, ranks);
+  PartCutter cutter(serial, part, ranks, options.flow ? flow_entities(serial) : FlowEntities());
   for (int rank = 1; rank < ranks; ++rank) {
     const DistributedMesh theirs = cutter.cut(rank);
     Packer packer;
@@ -94,7 +92,7 @@ void check_part(const PolyMesh& serial, const std::vector<Index>& part, int rank
 
 /// `choose_part` gives the rank of each cell; it runs on rank 0 only and its errors reach all ranks.
 template <class ChoosePart>
-DistributedMesh distribute_by(MPI_Comm comm, PolyMesh&& serial, ChoosePart&& choose_part) {
+DistributedMesh distribute_by(MPI_Comm comm, PolyMesh&& serial, const PartitionOptions& options, ChoosePart&& choose_part) {
   PolyMesh whole = std::move(serial);  // freed on return, on every rank
   std::vector<Index> part;
   mpi::on_root(comm, [&] {
@@ -103,9 +101,9 @@ DistributedMesh distribute_by(MPI_Comm comm, PolyMesh&& serial, ChoosePart&& cho
   });
   DistributedMesh mine;
   if (mpi::size(comm) == 1) {
-    mine = whole_part(std::move(whole));
+    mine = whole_part(std::move(whole), options);
   } else if (mpi::rank(comm) == 0) {
-    mine = cut_and_send(comm, whole, part);
+    mine = cut_and_send(comm, whole, part, options);
   } else {
     Unpacker unpacker(receive(comm, 0));
     visit_fields(unpacker, mine);
@@ -118,13 +116,14 @@ DistributedMesh distribute_by(MPI_Comm comm, PolyMesh&& serial, ChoosePart&& cho
 
 DistributedMesh distribute(MPI_Comm comm, PolyMesh&& serial, const PartitionOptions& options) {
   const int ranks = mpi::size(comm);
-  return distribute_by(comm, std::move(serial), [&](const PolyMesh& whole) {
+  return distribute_by(comm, std::move(serial), options, [&](const PolyMesh& whole) {
     return ranks == 1 ? std::vector<Index>() : partition_cells(whole, ranks, options);
   });
 }
 
-DistributedMesh distribute(MPI_Comm comm, PolyMesh&& serial, const std::vector<Index>& part) {
-  return distribute_by(comm, std::move(serial), [&](const PolyMesh& whole) {
+DistributedMesh distribute(MPI_Comm comm, PolyMesh&& serial, const std::vector<Index>& part,
+                           const PartitionOptions& options) {
+  return distribute_by(comm, std::move(serial), options, [&](const PolyMesh& whole) {
     check_part(whole, part, mpi::size(comm));
     return part;
   });

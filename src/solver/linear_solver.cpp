@@ -107,6 +107,10 @@ void LinearSolver::set_up_preconditioner(bool again) {
   POLYSLIP_PETSC(KSPSetReusePreconditioner(ksp_, again ? PETSC_FALSE : PETSC_TRUE));
   is_reused_ = !again;
   if (!again) return;
+  if (!factorises_ && system_.fracture_faces() > 0) {
+    if (!hierarchy_) hierarchy_.emplace(system_.matrix(), system_.changing_rows());
+    hierarchy_->is_in_step();
+  }
   has_preconditioner_ = true;
   changed_since_setup_ = 0;
   iterations_after_setup_ = -1;
@@ -121,7 +125,16 @@ void LinearSolver::matrix_changed(long long changed_faces) {
   const bool many = changed_since_setup_ * system_.layout().dim() > (factorises_ ? 8 : 0.02 * system_.fracture_faces());
   const bool costly = iterations_after_setup_ >= 0 && last_iterations_ > 1.5 * iterations_after_setup_ + 5;
   const bool exact = content_ == MechanicsSystem::MatrixContent::exact;
+  if (has_preconditioner_ && changed_faces > 0 && update_hierarchy()) return set_up_preconditioner(false);
   set_up_preconditioner(!has_preconditioner_ || many || costly || exact);
+}
+
+bool LinearSolver::update_hierarchy() {
+  PC pc = nullptr;
+  POLYSLIP_PETSC(KSPGetPC(ksp_, &pc));
+  if (!hierarchy_ || !la::HierarchyUpdate::can_update(pc)) return false;
+  hierarchy_->apply(pc);
+  return true;
 }
 
 PetscErrorCode LinearSolver::run(double rtol, double target) {

@@ -86,6 +86,8 @@ class MechanicsSystem {
   /// Linearises the contact law at x and condenses; then writes P.
   void linearise(Vec x, MatrixContent content);
   [[nodiscard]] Mat matrix() const { return matrix_->get(); }
+  /// Rows of P (of this rank, global numbers) that linearise rewrites.
+  [[nodiscard]] std::vector<PetscInt> changing_rows() const;
   /// Whether the exact condensed operator is P itself (otherwise friction makes them differ).
   [[nodiscard]] bool matrix_is_exact() const { return matrix_is_exact_; }
   [[nodiscard]] bool is_symmetric() const { return symmetric_everywhere_; }

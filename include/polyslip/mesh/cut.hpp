@@ -54,8 +54,8 @@ class LocalSet {
 /// Cuts part after part out of one mesh (which must have its copies built). Linear in the size of the parts.
 class PartCutter {
  public:
-  /// part[c] is the rank of cell c. Borrows the mesh.
-  PartCutter(const PolyMesh& whole, const std::vector<Index>& part, Index ranks);
+  /// part[c] is the rank of cell c. Borrows the mesh. `flow` holds the flow entities of the whole mesh, or none where none are asked for.
+  PartCutter(const PolyMesh& whole, const std::vector<Index>& part, Index ranks, FlowEntities flow = {});
 
   /// The part of a rank, ghosts included; its comm is left to the caller.
   DistributedMesh cut(Index rank);
@@ -65,15 +65,25 @@ class PartCutter {
   void collect_fractures(Index rank);
   void collect_copies(Index rank);
   void collect_faces_and_nodes();
+  void collect_flow(Index rank);
   void fill_faces(DistributedMesh& part) const;
   void fill_cells(DistributedMesh& part) const;
   void fill_data(DistributedMesh& part) const;
+  void fill_flow(DistributedMesh& part, Index rank) const;
+  [[nodiscard]] std::span<const Index> ridges_of(Index face) const;
 
   const PolyMesh& whole_;
+  FlowEntities flow_;
   Csr node_cells_;
-  Ownership cell_owners_, copy_owners_, fracture_owners_;  // Fractures: entities are faces.
-  LocalSet cells_, copies_, fractures_, faces_, nodes_;
+  Ownership cell_owners_, copy_owners_, fracture_owners_, trace_owners_, ridge_owners_;  // Fractures: entities are faces.
+  std::vector<Index> fracture_faces_;  // Serial, ascending.
+  LocalSet cells_, copies_, fractures_, faces_, nodes_, traces_, ridges_;
 };
+
+/// Numbers where one rank owns all n entities.
+Numbering all_owned(Index n);
+/// 0, 1 ... for each owned entity.
+std::vector<GlobalIndex> counted(const Numbering& numbers);
 
 /// Owner of each copy: the lowest rank that owns a cell which sees it.
 std::vector<Index> copy_owner(const PolyMesh& mesh, const std::vector<Index>& part);

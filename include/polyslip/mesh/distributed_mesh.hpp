@@ -28,20 +28,25 @@ struct FlowEntities {
   std::vector<std::array<Index, 2>> face_traces;  ///< Trace that face_cells[f][0] and [1] see (equal off Gamma), -1 where that cell is
                                                   ///< not here or does not exist; one pair a local face.
   Numbering traces;               ///< A trace belongs to the lowest rank that owns a cell which sees it.
-  std::vector<Index> trace_face;  ///< Local face of each local trace.
+  std::vector<Index> trace_face;         ///< Local face of each local trace.
+  std::vector<GlobalIndex> trace_input;  ///< Number of each local trace in the serial mesh: independent of the rank count.
 
   Csr fracture_ridges;            ///< Ridges of each local fracture face, aligned with its nodes: 2D ridge i is node i, 3D ridge i joins
                                   ///< nodes i and i + 1 (cyclic).
   Numbering ridges;               ///< A ridge belongs to the lowest rank that owns a fracture face which has it.
   std::vector<std::array<Index, 2>> ridge_nodes;  ///< Local nodes; 2D: the second is -1.
-  Csr ridge_boundary_faces;       ///< Local faces on the boundary of the domain that hold the ridge's nodes; empty rows inside.
+  Csr ridge_boundary_faces;  ///< Local faces on the boundary of the domain that hold the ridge's nodes; empty rows inside. All that
+                             ///< there are for an owned ridge.
+  std::vector<GlobalIndex> ridge_input;  ///< Number of each local ridge in the serial mesh: independent of the rank count.
 
-  [[nodiscard]] bool empty() const { return face_traces.empty(); }
+  /// Whether no flow was asked for; the same on all ranks, those without cells included.
+  [[nodiscard]] bool empty() const { return traces.total == 0; }
 };
 
 /// Part of a rank. The ghost layer holds every cell that shares a node (geometric, across Gamma too) with an owned cell, and then the
 /// cells across the fracture faces of all these. So the rows of every owned copy can be assembled without communication, condensed
-/// fracture blocks included. Ranks may own no cell.
+/// fracture blocks included; so can those of every owned trace and ridge, since both cells of each fracture face around an owned ridge
+/// hold its nodes, as does the owned + cell by which the ridge is owned. Ranks may own no cell.
 struct DistributedMesh {
   MPI_Comm comm = MPI_COMM_SELF;
   PolyMesh mesh;  ///< Owned cells first. Faces of ghosts whose neighbour is not here have face_cells[f][1] = -1 and are not
@@ -57,6 +62,7 @@ struct DistributedMesh {
   FlowEntities flow;                ///< Only where PartitionOptions::flow asks for it.
 
   std::vector<GlobalIndex> cell_input;           ///< Number of each local cell in the serial mesh: independent of the rank count.
+  std::vector<GlobalIndex> copy_input;           ///< Number of each local copy in the serial mesh.
   std::vector<GlobalIndex> fracture_face_input;  ///< Number in the serial mesh of each local fracture face's face.
 
   GlobalIndex total_faces = 0;  ///< Over all ranks, each face once.
@@ -71,11 +77,12 @@ struct PartitionOptions {
 
 /// Splits the serial mesh (rank 0's; ignored elsewhere) into parts with METIS and sends each rank its part; the serial mesh is
 /// consumed and freed. Until then rank 0 holds a whole mesh, the one place where global-size data lives on a rank.
-/// Cells, copies and fracture faces keep, within a rank, the order of the serial mesh.
+/// Cells, copies, fracture faces, traces and ridges keep, within a rank, the order of the serial mesh (flow_entities.hpp).
 /// Throws InputError on all ranks alike.
 DistributedMesh distribute(MPI_Comm comm, PolyMesh&& serial, const PartitionOptions& options = {});
 
-/// The same with the parts given (part[c] is the rank of serial cell c); for tests: empty ranks, scattered parts.
-DistributedMesh distribute(MPI_Comm comm, PolyMesh&& serial, const std::vector<Index>& part);
+/// The same with the parts given (part[c] is the rank of serial cell c); for tests: empty ranks, scattered parts. Of the options only
+/// `flow` matters.
+DistributedMesh distribute(MPI_Comm comm, PolyMesh&& serial, const std::vector<Index>& part, const PartitionOptions& options = {});
 
 }  // namespace polyslip::mesh

@@ -96,6 +96,19 @@ void visit_numbering(Archive& archive, Numbers& numbers) {
   archive(numbers.ghosts);
 }
 
+template <class Archive, class Flow>
+void visit_flow(Archive& archive, Flow& flow) {
+  archive(flow.face_traces);
+  visit_numbering(archive, flow.traces);
+  archive(flow.trace_face);
+  archive(flow.trace_input);
+  visit_rows(archive, flow.fracture_ridges);
+  visit_numbering(archive, flow.ridges);
+  archive(flow.ridge_nodes);
+  visit_rows(archive, flow.ridge_boundary_faces);
+  archive(flow.ridge_input);
+}
+
 /// Every field of a part but its communicator. Part is DistributedMesh, const for a Packer.
 template <class Archive, class Part>
 void visit_fields(Archive& archive, Part& part) {
@@ -121,7 +134,9 @@ void visit_fields(Archive& archive, Part& part) {
   visit_numbering(archive, part.copies);
   visit_numbering(archive, part.fractures);
   archive(part.fracture_faces);
+  visit_flow(archive, part.flow);
   archive(part.cell_input);
+  archive(part.copy_input);
   archive(part.fracture_face_input);
   archive(part.total_faces);
   archive(part.total_nodes);

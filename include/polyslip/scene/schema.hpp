@@ -31,20 +31,23 @@ enum class Shape {
   vector,       ///< One an axis: the list's length is the dimension of the scene.
   vector_free,  ///< The same; null leaves a component out.
   matrix,       ///< A list of vectors, one an axis.
+  tensor,       ///< One, a vector (the diagonal) or a matrix.
   points,       ///< A list of at least two vectors.
 };
 
-/// Open interval of admissible values; `or_equal` admits the lower end.
+/// Open interval of admissible values; `or_equal` admits the lower end, `or_high` the upper one.
 struct Range {
   double low = -std::numeric_limits<double>::infinity();
   double high = std::numeric_limits<double>::infinity();
-  bool or_equal = false;
-  [[nodiscard]] bool holds(double value) const { return (value > low || (or_equal && value == low)) && value < high; }
+  bool or_equal = false, or_high = false;
+  [[nodiscard]] bool holds(double value) const {
+    return (value > low || (or_equal && value == low)) && (value < high || (or_high && value == high));
+  }
   [[nodiscard]] std::string text() const;  ///< "> 0", "> -1 and < 0.5"; empty when all is admissible.
 };
 
 /// What an expression may use beside position, study numbers and definitions.
-enum class Uses { time, nothing, time_and_fracture };
+enum class Uses { time, nothing, fracture, time_and_fracture };
 
 struct Key {
   std::string path;  ///< "mesh.box.min"; "[]" is any entry of a list, "*" any name.
@@ -54,9 +57,10 @@ struct Key {
   std::string standard =
       {};  ///< Default as YAML text ("{}": a group that is always there), `required`, `absent`, or in (brackets) how it is found.
   std::string help = {};  ///< One sentence.
-  Range range = {};
+  Range range = {};  ///< Of diagonal entries, for a tensor.
   std::vector<std::string> choices = {};
   Uses uses = Uses::time;
+  bool may_be_infinite = false;  ///< "infinity" or ".inf" in place of an expression.
 };
 
 inline constexpr std::string_view required = "!";

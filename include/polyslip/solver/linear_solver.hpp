@@ -5,16 +5,18 @@
 // with friction the Krylov method applies the exact unsymmetric operator. -displacement_pc_type lu factorises the exact matrix.
 #pragma once
 
+#include <optional>
 #include <string>
 
 #include "polyslip/assembly/mechanics_system.hpp"
+#include "polyslip/la/hierarchy_update.hpp"
 
 namespace polyslip::solver {
 
 struct LinearCounts {
   int iterations = 0;      ///< Krylov iterations of all solves.
   int max_per_solve = 0;
-  int setups = 0;          ///< Preconditioner set-ups.
+  int setups = 0;          ///< Preconditioner set-ups; updates of a hierarchy near the fractures do not count.
   int factorisations = 0;  ///< Those that factorise the whole matrix.
 };
 
@@ -25,7 +27,8 @@ class LinearSolver {
   /// What `linearise` must write into the matrix for this solver.
   [[nodiscard]] assembly::MechanicsSystem::MatrixContent content() const { return content_; }
   /// Tells that the matrix has changed, with the faces (over all ranks) whose state changed since the last call. The preconditioner
-  /// is set up again only if they are too many for the Krylov method to make up for, or if this has begun to cost iterations.
+  /// is set up again only if they are too many for the Krylov method to make up for, or if this has begun to cost iterations; a multigrid
+  /// hierarchy is brought up to date near the fractures instead.
   void matrix_changed(long long changed_faces);
   /// direction = J^{-1} f, to `target` [N] in the condensed residual; `loose`: multigrid stops at 1e-3 of the right-hand side, for
   /// steps after which the active set is likely to change anyway.
@@ -43,12 +46,14 @@ class LinearSolver {
   void choose();
   void set_method();
   void set_up_preconditioner(bool again);
+  bool update_hierarchy();
   PetscErrorCode run(double rtol, double target);
 
   assembly::MechanicsSystem& system_;
   la::Handle<KSP> ksp_;
   la::Handle<Mat> exact_operator_;  ///< Shell: P plus the frictional corrections.
   la::Handle<Vec> rhs_, solution_;
+  std::optional<la::HierarchyUpdate> hierarchy_;  ///< Where fractures change a matrix that algebraic multigrid works on.
   assembly::MechanicsSystem::MatrixContent content_ = assembly::MechanicsSystem::MatrixContent::symmetric;
   std::string choice_;
   bool user_ksp_ = false;

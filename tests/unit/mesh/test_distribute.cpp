@@ -11,54 +11,10 @@
 #include "polyslip/mesh/distributed_mesh.hpp"
 #include "polyslip/mesh/halo.hpp"
 #include "polyslip/mesh/partition.hpp"
-#include "unit/mesh/grid.hpp"
+#include "unit/mesh/part_cases.hpp"
 
 namespace polyslip::mesh {
 namespace {
-
-const MPI_Comm world = MPI_COMM_WORLD;
-
-std::vector<Index> gather_all(const std::vector<Index>& mine) {
-  int n = static_cast<int>(mine.size());
-  std::vector<int> counts(mpi::size(world)), starts(mpi::size(world));
-  MPI_Allgather(&n, 1, MPI_INT, counts.data(), 1, MPI_INT, world);
-  std::exclusive_scan(counts.begin(), counts.end(), starts.begin(), 0);
-  std::vector<Index> all(starts.back() + counts.back());
-  MPI_Allgatherv(mine.data(), n, MPI_INT, all.data(), counts.data(), starts.data(), MPI_INT, world);
-  return all;
-}
-
-/// A serial mesh (known to every rank here), how it was split, and this rank's part.
-struct Case {
-  std::string name;
-  PolyMesh serial;
-  DistributedMesh part;
-};
-
-std::vector<std::pair<std::string, std::vector<Index>>> splits(Index n, Index ranks) {
-  std::vector<Index> blocks(n), scattered(n), last(n, ranks - 1), single_cell(n, 0);
-  for (Index c = 0; c < n; ++c) blocks[c] = static_cast<Index>(static_cast<long>(c) * ranks / n);
-  for (Index c = 0; c < n; ++c) scattered[c] = (c * 7919 + c / 5) % ranks;
-  single_cell[n / 2] = ranks - 1;
-  return {{"blocks", blocks}, {"scattered", scattered}, {"all on the last rank", last}, {"one cell on the last rank", single_cell}};
-}
-
-std::vector<Case> cases() {
-  std::vector<Case> result;
-  const std::vector<std::pair<std::string, PolyMesh>> meshes{
-      {"2D, no fracture", grid(2, {5, 4, 0})},
-      {"2D, crossing", grid(2, {8, 6, 0}, crossing())},
-      {"3D, crossing", grid(3, {4, 4, 3}, crossing())},
-      {"2D, every face a fracture", grid(2, {9, 5, 0}, [](auto&, int) { return true; })},
-      {"3D, every face a fracture", grid(3, {4, 3, 3}, [](auto&, int) { return true; })}};
-  for (const auto& [name, mesh] : meshes) {
-    result.push_back({name + ", METIS", mesh, distribute(world, PolyMesh(mesh))});
-    for (const auto& [how, part] : splits(mesh.n_cells(), mpi::size(world))) {
-      result.push_back({name + ", " + how, mesh, distribute(world, PolyMesh(mesh), part)});
-    }
-  }
-  return result;
-}
 
 TEST(distribution, owns_every_cell_copy_and_fracture_face_exactly_once) {
   for (const auto& [name, serial, part] : cases()) {

@@ -1,0 +1,99 @@
+#include "polyslip/la/hierarchy_update.hpp"
+
+#include <algorithm>
+
+namespace polyslip::la {
+
+namespace {
+
+/// A matrix of the layout of `like` with the entries of the given rows only, all zero.
+Handle<Mat> rows_of(Mat like, const std::vector<PetscInt>& rows) {
+  PetscInt begin = 0, end = 0, first_column = 0, end_column = 0, columns_total = 0, rows_total = 0;
+  POLYSLIP_PETSC(MatGetOwnershipRange(like, &begin, &end));
+  POLYSLIP_PETSC(MatGetOwnershipRangeColumn(like, &first_column, &end_column));
+  POLYSLIP_PETSC(MatGetSize(like, &rows_total, &columns_total));
+  std::vector<PetscInt> diagonal(static_cast<std::size_t>(end - begin), 0), off_diagonal(diagonal.size(), 0);
+  for (PetscInt row : rows) {
+    PetscInt n = 0;
+    const PetscInt* columns = nullptr;
+    POLYSLIP_PETSC(MatGetRow(like, row, &n, &columns, nullptr));
+    for (PetscInt k = 0; k < n; ++k) ++(columns[k] >= first_column && columns[k] < end_column ? diagonal : off_diagonal)[row - begin];
+    POLYSLIP_PETSC(MatRestoreRow(like, row, &n, &columns, nullptr));
+  }
+  Handle<Mat> matrix;
+  MPI_Comm comm = MPI_COMM_NULL;
+  POLYSLIP_PETSC(PetscObjectGetComm(reinterpret_cast<PetscObject>(like), &comm));
+  POLYSLIP_PETSC(MatCreateAIJ(comm, end - begin, end_column - first_column, rows_total, columns_total, 0, diagonal.data(), 0,
+                              off_diagonal.data(), matrix.put()));
+  return matrix;
+}
+
+}  // namespace
+
+HierarchyUpdate::HierarchyUpdate(Mat fine, std::vector<PetscInt> rows) : fine_(fine), rows_(std::move(rows)), change_(rows_of(fine, rows_)) {}
+
+bool HierarchyUpdate::can_update(PC pc) {
+  PetscBool is_hierarchy = PETSC_FALSE;
+  POLYSLIP_PETSC(PetscObjectTypeCompareAny(reinterpret_cast<PetscObject>(pc), &is_hierarchy, PCGAMG, PCML, ""));
+  if (!is_hierarchy) return false;
+  PetscInt levels = 0;
+  POLYSLIP_PETSC(PCMGGetLevels(pc, &levels));
+  return levels > 1;
+}
+
+void HierarchyUpdate::is_in_step() {
+  values_.clear();
+  coarse_changes_.clear();
+  for (PetscInt row : rows_) {
+    PetscInt n = 0;
+    const PetscScalar* values = nullptr;
+    POLYSLIP_PETSC(MatGetRow(fine_, row, &n, nullptr, &values));
+    values_.insert(values_.end(), values, values + n);
+    POLYSLIP_PETSC(MatRestoreRow(fine_, row, &n, nullptr, &values));
+  }
+}
+
+void HierarchyUpdate::write_change() {
+  std::vector<PetscScalar> difference;
+  auto before = values_.begin();
+  for (PetscInt row : rows_) {
+    PetscInt n = 0;
+    const PetscInt* columns = nullptr;
+    const PetscScalar* values = nullptr;
+    POLYSLIP_PETSC(MatGetRow(fine_, row, &n, &columns, &values));
+    difference.assign(values, values + n);
+    for (PetscScalar& value : difference) value -= *before++;
+    std::copy_n(values, n, before - n);
+    POLYSLIP_PETSC(MatSetValues(change_, 1, &row, n, columns, difference.data(), INSERT_VALUES));
+    POLYSLIP_PETSC(MatRestoreRow(fine_, row, &n, &columns, &values));
+  }
+  POLYSLIP_PETSC(MatAssemblyBegin(change_, MAT_FINAL_ASSEMBLY));
+  POLYSLIP_PETSC(MatAssemblyEnd(change_, MAT_FINAL_ASSEMBLY));
+}
+
+void HierarchyUpdate::apply(PC pc) {
+  write_change();
+  PetscInt levels = 0;
+  POLYSLIP_PETSC(PCMGGetLevels(pc, &levels));
+  const bool first = coarse_changes_.empty();
+  if (first) coarse_changes_.resize(static_cast<std::size_t>(levels) - 1);
+  Mat change = change_;
+  for (PetscInt level = levels - 1; level > 0; --level) {
+    Handle<Mat>& coarse = coarse_changes_[static_cast<std::size_t>(levels - 1 - level)];
+    Mat prolongation = nullptr, operator_matrix = nullptr;
+    KSP smoother = nullptr;
+    POLYSLIP_PETSC(PCMGGetInterpolation(pc, level, &prolongation));
+    if (first) {
+      POLYSLIP_PETSC(MatPtAP(change, prolongation, MAT_INITIAL_MATRIX, PETSC_DEFAULT, coarse.put()));
+    } else {
+      Mat reused = coarse;
+      POLYSLIP_PETSC(MatPtAP(change, prolongation, MAT_REUSE_MATRIX, PETSC_DEFAULT, &reused));
+    }
+    POLYSLIP_PETSC(PCMGGetSmoother(pc, level - 1, &smoother));
+    POLYSLIP_PETSC(KSPGetOperators(smoother, nullptr, &operator_matrix));
+    POLYSLIP_PETSC(MatAXPY(operator_matrix, 1.0, coarse, SUBSET_NONZERO_PATTERN));
+    change = coarse;
+  }
+}
+
+}  // namespace polyslip::la
