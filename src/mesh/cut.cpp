@@ -262,8 +262,8 @@ std::span<const Index> PartCutter::ridges_of(Index face) const {
 
 /// All traces that local cells see and all ridges of local fracture faces. What the rows of owned entities need is among them:
 ///  * an owned trace is seen by an owned cell; the cell across, if it sees the trace too, shares the face's nodes and is here;
-///  * an owned ridge lies on a fracture face whose + cell is owned, so that an owned cell has the ridge's nodes. Both cells of any other
-///    fracture face at the ridge have these nodes too, hence are in the ghost layer: the face is local, with both its sides.
+///  * an owned ridge lies on a fracture face whose + cell is owned, so that an owned cell has the ridge's nodes. Both cells of any
+///    other fracture face at the ridge have these nodes too, hence are in the ghost layer: the face is local, with both its sides.
 void PartCutter::collect_flow(Index rank) {
   add_owned(traces_, trace_owners_, rank);
   add_owned(ridges_, ridge_owners_, rank);

@@ -54,7 +54,8 @@ class LocalSet {
 /// Cuts part after part out of one mesh (which must have its copies built). Linear in the size of the parts.
 class PartCutter {
  public:
-  /// part[c] is the rank of cell c. Borrows the mesh. `flow` holds the flow entities of the whole mesh, or none where none are asked for.
+  /// part[c] is the rank of cell c. Borrows the mesh. `flow` holds the flow entities of the whole mesh, or nothing where none are
+  /// asked for.
   PartCutter(const PolyMesh& whole, const std::vector<Index>& part, Index ranks, FlowEntities flow = {});
 
   /// The part of a rank, ghosts included; its comm is left to the caller.

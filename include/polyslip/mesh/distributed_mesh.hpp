@@ -22,18 +22,18 @@ struct Numbering {
 };
 
 /// Entities that carry flow unknowns beside cells and fracture faces (scheme.md section 4); empty where a scene has no flow.
-/// Traces: one a matrix face off Gamma, one for each side of a fracture face. Ridges: what fracture faces are bounded by and meet at,
-/// the nodes (2D) or edges (3D) of the network, one for all fracture faces that share it.
+/// Traces: one a matrix face off Gamma, one for each side of a fracture face. Ridges: what fracture faces are bounded by and meet
+/// at, the nodes (2D) or edges (3D) of the network, one for all fracture faces that share it.
 struct FlowEntities {
-  std::vector<std::array<Index, 2>> face_traces;  ///< Trace that face_cells[f][0] and [1] see (equal off Gamma), -1 where that cell is
-                                                  ///< not here or does not exist; one pair a local face.
-  Numbering traces;               ///< A trace belongs to the lowest rank that owns a cell which sees it.
+  std::vector<std::array<Index, 2>> face_traces;  ///< Trace that face_cells[f][0] and [1] see (equal off Gamma), -1 where that cell
+                                                  ///< is not here or does not exist; one pair a local face.
+  Numbering traces;                      ///< A trace belongs to the lowest rank that owns a cell which sees it.
   std::vector<Index> trace_face;         ///< Local face of each local trace.
   std::vector<GlobalIndex> trace_input;  ///< Number of each local trace in the serial mesh: independent of the rank count.
 
-  Csr fracture_ridges;            ///< Ridges of each local fracture face, aligned with its nodes: 2D ridge i is node i, 3D ridge i joins
-                                  ///< nodes i and i + 1 (cyclic).
-  Numbering ridges;               ///< A ridge belongs to the lowest rank that owns a fracture face which has it.
+  Csr fracture_ridges;  ///< Ridges of each local fracture face, aligned with its nodes: 2D ridge i is node i, 3D ridge i joins nodes
+                        ///< i and i + 1 (cyclic).
+  Numbering ridges;     ///< A ridge belongs to the lowest rank that owns a fracture face which has it.
   std::vector<std::array<Index, 2>> ridge_nodes;  ///< Local nodes; 2D: the second is -1.
   Csr ridge_boundary_faces;  ///< Local faces on the boundary of the domain that hold the ridge's nodes; empty rows inside. All that
                              ///< there are for an owned ridge.
@@ -45,8 +45,8 @@ struct FlowEntities {
 
 /// Part of a rank. The ghost layer holds every cell that shares a node (geometric, across Gamma too) with an owned cell, and then the
 /// cells across the fracture faces of all these. So the rows of every owned copy can be assembled without communication, condensed
-/// fracture blocks included; so can those of every owned trace and ridge, since both cells of each fracture face around an owned ridge
-/// hold its nodes, as does the owned + cell by which the ridge is owned. Ranks may own no cell.
+/// fracture blocks included; so can those of every owned trace and ridge, since both cells of each fracture face around an owned
+/// ridge hold its nodes, as does the owned + cell by which the ridge is owned. Ranks may own no cell.
 struct DistributedMesh {
   MPI_Comm comm = MPI_COMM_SELF;
   PolyMesh mesh;  ///< Owned cells first. Faces of ghosts whose neighbour is not here have face_cells[f][1] = -1 and are not
@@ -81,8 +81,8 @@ struct PartitionOptions {
 /// Throws InputError on all ranks alike.
 DistributedMesh distribute(MPI_Comm comm, PolyMesh&& serial, const PartitionOptions& options = {});
 
-/// The same with the parts given (part[c] is the rank of serial cell c); for tests: empty ranks, scattered parts. Of the options only
-/// `flow` matters.
+/// The same with the parts given (part[c] is the rank of serial cell c); for tests: empty ranks, scattered parts. Of the options
+/// only `flow` matters.
 DistributedMesh distribute(MPI_Comm comm, PolyMesh&& serial, const std::vector<Index>& part, const PartitionOptions& options = {});
 
 }  // namespace polyslip::mesh

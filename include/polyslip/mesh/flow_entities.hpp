@@ -10,8 +10,8 @@ namespace polyslip::mesh {
 /// Faces on Gamma with a cell on both sides, ascending: the fracture faces of a whole mesh.
 std::vector<Index> inner_fracture_faces(const PolyMesh& whole);
 
-/// Traces and ridges of a whole mesh, all owned by one rank. Traces are numbered by face, the + side first; ridges by the first fracture
-/// face that has them and their place in it. Linear in the faces but for a sorted map of the ridges.
+/// Traces and ridges of a whole mesh, all owned by one rank. Traces are numbered by face, the + side first; ridges by the first
+/// fracture face that has them and their place in it. Linear in the faces but for a sorted map of the ridges.
 FlowEntities flow_entities(const PolyMesh& whole);
 
 /// Owner of each trace: the lowest rank that owns a cell which sees it. part[c] is the rank of cell c.
