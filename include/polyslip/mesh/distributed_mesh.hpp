@@ -31,8 +31,8 @@ struct FlowEntities {
   std::vector<Index> trace_face;         ///< Local face of each local trace.
   std::vector<GlobalIndex> trace_input;  ///< Number of each local trace in the serial mesh: independent of the rank count.
 
-  Csr fracture_ridges;  ///< Ridges of each local fracture face, aligned with its nodes: 2D ridge i is node i, 3D ridge i joins nodes
-                        ///< i and i + 1 (cyclic).
+  Csr fracture_ridges;  ///< Ridges of each local fracture face, aligned with its nodes: 2D ridge i is node i, 3D ridge i joins
+                        ///< nodes i and i + 1 (cyclic).
   Numbering ridges;     ///< A ridge belongs to the lowest rank that owns a fracture face which has it.
   std::vector<std::array<Index, 2>> ridge_nodes;  ///< Local nodes; 2D: the second is -1.
   Csr ridge_boundary_faces;  ///< Local faces on the boundary of the domain that hold the ridge's nodes; empty rows inside. All that
@@ -43,10 +43,10 @@ struct FlowEntities {
   [[nodiscard]] bool empty() const { return traces.total == 0; }
 };
 
-/// Part of a rank. The ghost layer holds every cell that shares a node (geometric, across Gamma too) with an owned cell, and then the
-/// cells across the fracture faces of all these. So the rows of every owned copy can be assembled without communication, condensed
-/// fracture blocks included; so can those of every owned trace and ridge, since both cells of each fracture face around an owned
-/// ridge hold its nodes, as does the owned + cell by which the ridge is owned. Ranks may own no cell.
+/// Part of a rank. The ghost layer holds every cell that shares a node (geometric, across Gamma too) with an owned cell, and then
+/// the cells across the fracture faces of all these. So the rows of every owned copy can be assembled without communication,
+/// condensed fracture blocks included; so can those of every owned trace and ridge, since both cells of each fracture face around an
+/// owned ridge hold its nodes, as does the owned + cell by which the ridge is owned. Ranks may own no cell.
 struct DistributedMesh {
   MPI_Comm comm = MPI_COMM_SELF;
   PolyMesh mesh;  ///< Owned cells first. Faces of ghosts whose neighbour is not here have face_cells[f][1] = -1 and are not
