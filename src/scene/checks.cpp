@@ -10,16 +10,20 @@
 
 #include "polyslip/common/error.hpp"
 #include "polyslip/common/suggest.hpp"
+#include "polyslip/scene/flow.hpp"
 
 namespace polyslip::scene {
 
-namespace {
+void refuse(const Cursor& at, const std::string& what, const std::string& remedy) { throw InputError(what, at.where(), remedy); }
 
-[[noreturn]] void refuse(const Cursor& at, const std::string& what, const std::string& remedy) {
-  throw InputError(what, at.where(), remedy);
+bool may_have_fractures(const Cursor& root) { return root["fractures"] || root["mesh"]["file"].text().ends_with(".h5"); }
+
+bool cover_all_fractures(const std::vector<Cursor>& entries, const Cursor& root) {
+  const std::vector<Cursor> fractures = root["fractures"].entries();
+  return !fractures.empty() && std::ranges::all_of(fractures, [&](const Cursor& fracture) {
+    return std::ranges::any_of(entries, [&](const Cursor& entry) { return entry["name"].text() == fracture["name"].text(); });
+  });
 }
-
-bool is_native(const Cursor& file) { return file.text().ends_with(".h5"); }
 
 void check_unique(const std::vector<Cursor>& entries, const std::string& key) {
   std::map<std::string, std::string> seen;
@@ -29,6 +33,8 @@ void check_unique(const std::vector<Cursor>& entries, const std::string& key) {
       refuse(entry[key], fmt::format("the name \"{}\" is already taken at {}", first->first, first->second), "Choose another");
   }
 }
+
+namespace {
 
 // Mesh
 
@@ -114,16 +120,13 @@ void check_contact_entry(const Cursor& entry, const Cursor& contact) {
 void check_contact(const Cursor& root) {
   const Cursor contact = root["contact"];
   if (!contact) return;
-  const std::vector<Cursor> fractures = root["fractures"].entries(), entries = contact["fractures"].entries();
-  if (fractures.empty() && !is_native(root["mesh"]["file"]))
+  const std::vector<Cursor> entries = contact["fractures"].entries();
+  if (!may_have_fractures(root))
     refuse(contact, "there is a section contact but no fracture", "Remove the section, or give fractures");
   check_unique(entries, "name");
   check_law(contact, contact["law"].text());
   for (const Cursor& entry : entries) check_contact_entry(entry, contact);
-  const bool all_have_their_own = !fractures.empty() && std::ranges::all_of(fractures, [&](const Cursor& fracture) {
-    return std::ranges::any_of(entries, [&](const Cursor& entry) { return entry["name"].text() == fracture["name"].text(); });
-  });
-  if (contact["law"].text() != "frictionless" && !contact["friction"] && !all_have_their_own)
+  if (contact["law"].text() != "frictionless" && !contact["friction"] && !cover_all_fractures(entries, root))
     refuse(contact["friction"], "the key \"contact.friction\" is missing",
            contact["law"].text() == "coulomb" ? "Give the friction coefficient, or set contact.law: frictionless"
                                               : "Give the friction bound [Pa], or set contact.law: frictionless");
@@ -131,10 +134,15 @@ void check_contact(const Cursor& root) {
 
 // Rock
 
+template <std::size_t n>
+auto count_keys(const Cursor& rule, const std::array<const char*, n>& keys) {
+  return std::ranges::count_if(keys, [&](const char* key) { return bool(rule[key]); });
+}
+
 void check_material(const Cursor& rule) {
+  const auto given = count_keys(rule, elastic_keys);
+  if (given == 0 && count_keys(rule, hydraulic_keys) > 0) return;
   const bool young = rule["young"] && rule["poisson"], lame = rule["lame_mu"] && rule["lame_lambda"];
-  const auto given = std::ranges::count_if(std::array{"young", "poisson", "lame_mu", "lame_lambda"},
-                                           [&](const char* key) { return bool(rule[key]); });
   if (given != 2 || (!young && !lame))
     refuse(rule, "the moduli are not a pair", "Give young and poisson, or lame_mu and lame_lambda");
   if (!lame) return;
@@ -174,10 +182,56 @@ void check_held(const Cursor& root) {
              "Give that component of displacement on at least one side");
 }
 
+void check_initial(const Cursor& root) {
+  const Cursor initial = root["initial"];
+  if (initial && !root["mechanics"])
+    refuse(initial, "an initial state has a meaning with mechanics only",
+           "Remove the section; pressure starts at flow.initial_pressure");
+  if (initial["equilibrium"].is_true() && !root["flow"])
+    refuse(initial["equilibrium"], "without flow a run starts from zero displacement", "Write false, or add the section flow");
+  for (const char* component : {"yz", "xz"})
+    if (root.dim() == 2 && initial["stress"] && !initial["stress"][component].expression().is_zero())
+      refuse(initial["stress"][component], fmt::format("there is no component {} in plane strain", component), "Remove it");
+}
+
+void check_steps(const Cursor& time) {
+  const double step = time["step"].number();
+  if (time["smallest_step"].number() > step)
+    refuse(time["smallest_step"], fmt::format("it is larger than the step, {} s", step), "Give at most time.step");
+  if (time["largest_step"].number() < step)
+    refuse(time["largest_step"], fmt::format("it is smaller than the step, {} s", step), "Give at least time.step");
+  double last = time["start"].number();
+  for (const Cursor& output : time["outputs"].entries()) {
+    if (output.number() <= last || output.number() > time["end"].number())
+      refuse(output, fmt::format("{} s does not lie after {} s and in the run", output.number(), last),
+             "Give times in order, after time.start and up to time.end");
+    last = output.number();
+  }
+}
+
 void check_time(const Cursor& time) {
   if (time["end"].number() <= time["start"].number())
     refuse(time["end"], fmt::format("the run ends at {} s where it starts at {} s", time["end"].number(), time["start"].number()),
            "Make time.end larger than time.start");
+  check_steps(time);
+}
+
+/// Rigid rock takes no loads; a rock that moves has moduli somewhere and is held.
+void check_mechanics(const Cursor& root) {
+  if (!root["mechanics"]) {
+    for (const std::string& key : root["exact"].keys())
+      if (key != "pressure" && key != "flux")
+        refuse(root["exact"][key], "there is nothing to compare: no material gives elastic moduli",
+               "Remove the key, or give moduli");
+    return;
+  }
+  const std::vector<Cursor> materials = root["materials"].entries();
+  for (const Cursor& rule : materials) check_material(rule);
+  if (std::ranges::none_of(materials, [](const Cursor& rule) { return count_keys(rule, elastic_keys) > 0; }))
+    refuse(root["materials"], "no material gives elastic moduli",
+           "Give young and poisson, or remove mechanics and contact to compute flow alone");
+  for (const Cursor& rule : root["mechanics"]["boundary"].entries()) check_boundary_rule(rule);
+  check_held(root);
 }
 
 }  // namespace
@@ -185,10 +239,10 @@ void check_time(const Cursor& time) {
 void check_document(const Cursor& root) {
   check_mesh(root["mesh"]);
   check_fractures(root);
-  for (const Cursor& rule : root["materials"].entries()) check_material(rule);
-  for (const Cursor& rule : root["mechanics"]["boundary"].entries()) check_boundary_rule(rule);
-  check_held(root);
+  check_mechanics(root);
   check_contact(root);
+  check_flow(root);
+  check_initial(root);
   check_time(root["time"]);
   check_unique(root["output"]["probes"].entries(), "name");
 }
@@ -208,17 +262,36 @@ MeshNames names_of(const mesh::BoxSpec& box) {
   return names;
 }
 
-namespace {
-
 void check_known(const std::string& what, const std::string& name, const std::vector<std::string>& known,
                  const std::string& place) {
   if (std::ranges::find(known, name) == known.end())
     throw InputError(fmt::format("the mesh has no {} \"{}\"", what, name), place, did_you_mean(name, known));
 }
 
+void check_inside(const std::string& what, const Vec3& at, const MeshNames& mesh, const std::string& place) {
+  const Vec3 slack = Vec3::Constant(1e-9 * (mesh.high - mesh.low).norm());
+  const bool inside = ((at - mesh.low + slack).array() >= 0).all() && ((mesh.high - at + slack).array() >= 0).all();
+  if (!inside)
+    throw InputError(fmt::format("the {} at ({}, {}, {}) lies outside the mesh", what, at[0], at[1], at[2]), place,
+                     fmt::format("Choose a point between ({}, {}, {}) and ({}, {}, {})", mesh.low[0], mesh.low[1], mesh.low[2],
+                                 mesh.high[0], mesh.high[1], mesh.high[2]));
+}
+
+void check_fracture(const std::string& name, const std::vector<std::string>& known, const std::string& place) {
+  if (std::ranges::find(known, name) == known.end())
+    throw InputError(fmt::format("there is no fracture \"{}\"", name), place, did_you_mean(name, known));
+}
+
+std::vector<std::string> fracture_names(const Scene& scene, const MeshNames& mesh) {
+  std::vector<std::string> names = mesh.fractures;
+  for (const auto& fracture : scene.fractures) names.push_back(fracture.name);
+  return names;
+}
+
+namespace {
+
 void check_contact_names(const Scene& scene, const MeshNames& mesh) {
-  std::vector<std::string> fractures = mesh.fractures;
-  for (const auto& fracture : scene.fractures) fractures.push_back(fracture.name);
+  const std::vector<std::string> fractures = fracture_names(scene, mesh);
   const auto& rules = scene.mechanics.contact;
   if (fractures.empty() && !rules.empty())
     throw InputError("there is a section contact but the mesh has no fracture", rules.front().place,
@@ -227,19 +300,7 @@ void check_contact_names(const Scene& scene, const MeshNames& mesh) {
     throw InputError("the key \"contact.friction\" is missing, and the mesh has fractures", scene.mesh.place,
                      "Give the friction coefficient, or set contact.law: frictionless");
   for (const auto& rule : rules)
-    if (!rule.fracture.empty() && std::ranges::find(fractures, rule.fracture) == fractures.end())
-      throw InputError(fmt::format("there is no fracture \"{}\"", rule.fracture), rule.place,
-                       did_you_mean(rule.fracture, fractures));
-}
-
-void check_probe(const Probe& probe, const MeshNames& mesh) {
-  const Vec3 slack = Vec3::Constant(1e-9 * (mesh.high - mesh.low).norm());
-  const bool inside = ((probe.at - mesh.low + slack).array() >= 0).all() && ((mesh.high - probe.at + slack).array() >= 0).all();
-  if (!inside)
-    throw InputError(fmt::format("the probe at ({}, {}, {}) lies outside the mesh", probe.at[0], probe.at[1], probe.at[2]),
-                     probe.place,
-                     fmt::format("Choose a point between ({}, {}, {}) and ({}, {}, {})", mesh.low[0], mesh.low[1], mesh.low[2],
-                                 mesh.high[0], mesh.high[1], mesh.high[2]));
+    if (!rule.fracture.empty()) check_fracture(rule.fracture, fractures, rule.place);
 }
 
 }  // namespace
@@ -254,8 +315,9 @@ void check_names(const Scene& scene, const MeshNames& mesh) {
     if (!rule.region.empty()) check_known("region", rule.region, mesh.regions, rule.place);
   for (const auto& fracture : scene.fractures)
     if (!fracture.group.empty()) check_known("group", fracture.group, mesh.tags, fracture.where);
-  check_contact_names(scene, mesh);
-  for (const Probe& probe : scene.output.probes) check_probe(probe, mesh);
+  if (scene.has_mechanics) check_contact_names(scene, mesh);
+  if (scene.flow) check_flow_names(scene, mesh);
+  for (const Probe& probe : scene.output.probes) check_inside("probe", probe.at, mesh, probe.place);
 }
 
 void check_against_mesh(const Scene& scene, const mesh::PolyMesh& mesh) {

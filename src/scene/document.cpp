@@ -11,6 +11,8 @@
 
 namespace polyslip::scene {
 
+bool is_infinity(const std::string& text) { return text == "infinity" || text == ".inf"; }
+
 std::string where(const Value& value, const std::string& path) {
   return path.empty() ? value.place : fmt::format("{} ({})", value.place, path);
 }
@@ -35,6 +37,15 @@ std::string folder_name(const std::filesystem::path& file) {
   return name.empty() ? "scene" : name;
 }
 
+/// Whether a scene as it was given computes displacements: it speaks of them, or does not speak of flow.
+bool asks_for_mechanics(const Value& root) {
+  if (root.find("flow") == nullptr || root.find("mechanics") != nullptr || root.find("contact") != nullptr) return true;
+  const Value* materials = root.find("materials");
+  return materials != nullptr && std::ranges::any_of(materials->items, [](const Value& rule) {
+           return std::ranges::any_of(elastic_keys, [&](const char* key) { return rule.find(key) != nullptr; });
+         });
+}
+
 /// Walks the tree along the schema: checks each value, orders the keys and inserts defaults.
 class Completer {
  public:
@@ -43,6 +54,9 @@ class Completer {
   void run() {
     Value& root = document_.root;
     if (root.is_map() && root.find("name") == nullptr) root.insert("name", standard(folder_name(file_)));
+    has_flow_ = root.find("flow") != nullptr;
+    has_mechanics_ = asks_for_mechanics(root);
+    has_contact_ = has_mechanics_ && (root.find("contact") != nullptr || root.find("fractures") != nullptr);
     learn_dimension_from_box(root);
     group(root, "", "");
   }
@@ -127,7 +141,15 @@ class Completer {
       const double span = constant(*siblings.find("end")) - constant(*siblings.find("start"));
       return span > 0 ? fmt::format("{}", span) : "";
     }
-    return key.path == "contact" && siblings.find("fractures") != nullptr ? "{}" : "";
+    if (key.path == "time.smallest_step" || key.path == "time.largest_step") {
+      const Value* step = siblings.find("step");
+      if (step == nullptr) return "";
+      return fmt::format("{}", constant(*step) / (key.path == "time.largest_step" ? 1 : 1024));
+    }
+    if (key.path == "initial.equilibrium") return has_flow_ && has_contact_ ? "true" : "false";
+    const bool there = (key.path == "mechanics" && has_mechanics_) || (key.path == "contact" && has_contact_) ||
+                       (key.path == "fluid" && has_flow_) || (key.path == "initial" && has_flow_ && has_mechanics_);
+    return there ? "{}" : "";
   }
 
   [[nodiscard]] double constant(const Value& value) const { return constant_value(value.text, document_.study, value.place); }
@@ -195,7 +217,27 @@ class Completer {
       case Shape::matrix:
       case Shape::points:
         return rows(value, path, key);
+      case Shape::tensor:
+        return tensor(value, path, key);
     }
+  }
+
+  void tensor(Value& value, const std::string& path, const Key& key) {
+    if (!value.is_list()) return single(value, path, key);
+    if (std::ranges::none_of(value.items, &Value::is_list)) return vector(value, path, key);
+    check_length(value, path, type_text(key));
+    Key beside = key;  // Entries beside the diagonal have no range.
+    beside.range = {};
+    for (std::size_t i = 0; i < value.items.size(); ++i) {
+      check_length(value.items[i], fmt::format("{}[{}]", path, i), "row of the matrix");
+      for (std::size_t j = 0; j < value.items.size(); ++j)
+        required_entry(value.items[i].items[j], fmt::format("{}[{}][{}]", path, i, j), i == j ? key : beside);
+    }
+  }
+
+  void required_entry(Value& value, const std::string& path, const Key& key) {
+    if (value.is_null()) refuse(value, path, "the component has no value", "Write one");
+    single(value, path, key);
   }
 
   void list(Value& value, const std::string& path, const Key& key) {
@@ -213,10 +255,7 @@ class Completer {
     check_length(value, path, type_text(key));
     for (std::size_t i = 0; i < value.items.size(); ++i) {
       const std::string item_path = fmt::format("{}[{}]", path, i);
-      if (!value.items[i].is_null())
-        single(value.items[i], item_path, key);
-      else if (key.shape != Shape::vector_free)
-        refuse(value.items[i], item_path, "the component has no value", "Write one");
+      if (key.shape != Shape::vector_free || !value.items[i].is_null()) required_entry(value.items[i], item_path, key);
     }
   }
 
@@ -277,11 +316,14 @@ class Completer {
   }
 
   void expression(const Value& value, const std::string& path, const Key& key) const {
+    if (key.may_be_infinite && is_infinity(value.text)) return;
     const Expression parsed(value.text, document_.definitions, where(value, path));
     if (parsed.is_constant()) return check_range(parsed({}), value, path, key);
-    if (key.uses == Uses::nothing && parsed.depends_on_time())
+    const bool takes_time = key.uses == Uses::time || key.uses == Uses::time_and_fracture;
+    const bool knows_fractures = key.uses == Uses::fracture || key.uses == Uses::time_and_fracture;
+    if (!takes_time && parsed.depends_on_time())
       refuse(value, path, fmt::format("{} depends on time", describe(value)), "Use position only: it is evaluated once");
-    if (key.uses != Uses::time_and_fracture && parsed.depends_on_fracture())
+    if (!knows_fractures && parsed.depends_on_fracture())
       refuse(value, path, fmt::format("{} depends on tip_distance or fracture_length", describe(value)),
              "These have a meaning on fractures only: use position");
   }
@@ -293,6 +335,7 @@ class Completer {
 
   Document& document_;
   const std::filesystem::path& file_;
+  bool has_flow_ = false, has_mechanics_ = true, has_contact_ = false;
 };
 
 }  // namespace
@@ -324,6 +367,10 @@ double Cursor::number() const { return constant_value(text(), document_->study, 
 
 Expression Cursor::expression() const { return {text(), document_->definitions, where()}; }
 
+Expression Cursor::expression_within(const std::string& before, const std::string& after) const {
+  return {before + text() + after, document_->definitions, where()};
+}
+
 std::optional<Expression> Cursor::optional_expression() const { return *this ? std::optional(expression()) : std::nullopt; }
 
 Vec3 Cursor::point() const {
@@ -337,6 +384,21 @@ std::array<Expression, 3> Cursor::expressions() const {
   std::array<Expression, 3> result;
   const std::vector<Cursor> components = entries();
   for (std::size_t i = 0; i < components.size(); ++i) result[i] = components[i].expression();
+  return result;
+}
+
+std::array<Expression, 6> Cursor::tensor() const {
+  std::array<Expression, 6> result;
+  const std::vector<Cursor> rows = entries();
+  if (!value_->is_list()) return {expression(), expression(), expression()};
+  for (std::size_t i = 0; i < rows.size(); ++i)
+    result[i] = rows[i].value_->is_list() ? rows[i].entries()[i].expression() : rows[i].expression();
+  if (!rows[0].value_->is_list()) return result;
+  result[3] = rows[0].entries()[1].expression();
+  if (rows.size() == 3) {
+    result[4] = rows[1].entries()[2].expression();
+    result[5] = rows[0].entries()[2].expression();
+  }
   return result;
 }
 

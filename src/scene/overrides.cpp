@@ -110,7 +110,7 @@ class Walk {
   /// A formula would be a map to YAML ("x < 0 ? 1 : 2").
   [[nodiscard]] bool takes_text_as_it_stands(const std::string& text) const {
     const bool leaf = key_->kind != Kind::group && key_->kind != Kind::names;
-    const bool single = key_->shape == Shape::one || key_->shape == Shape::one_or_more || indexed_;
+    const bool single = key_->shape == Shape::one || key_->shape == Shape::one_or_more || key_->shape == Shape::tensor || indexed_;
     return leaf && single && std::string("[{\"'").find(text.front()) == std::string::npos;
   }
 

@@ -10,6 +10,7 @@
 #include "polyslip/common/error.hpp"
 #include "polyslip/scene/checks.hpp"
 #include "polyslip/scene/document.hpp"
+#include "polyslip/scene/flow.hpp"
 
 namespace polyslip::scene {
 
@@ -144,14 +145,24 @@ std::vector<physics::ContactRule> read_contact(const Cursor& contact) {
   return rules;
 }
 
+std::optional<std::array<Expression, 6>> read_stress(const Cursor& stress) {
+  if (!stress) return std::nullopt;
+  const auto component = [&](const char* key) { return stress[key].expression(); };
+  return std::array{component("xx"), component("yy"), component("zz"), component("xy"), component("yz"), component("xz")};
+}
+
 physics::MechanicsProblem read_mechanics(const Cursor& root) {
   const Cursor mechanics = root["mechanics"], contact = root["contact"];
   physics::MechanicsProblem problem;
-  for (const Cursor& entry : root["materials"].entries()) problem.materials.push_back(read_material(entry));
+  if (!mechanics) return problem;
+  for (const Cursor& entry : root["materials"].entries())
+    if (entry["young"] || entry["lame_mu"]) problem.materials.push_back(read_material(entry));
   for (const Cursor& entry : mechanics["boundary"].entries()) read_boundary_rule(entry, problem.boundary);
   problem.body_force = mechanics["body_force"].expressions();
   problem.stabilisation =
       mechanics["stabilisation"].text() == "2mu" ? physics::Stabilisation::two_mu : physics::Stabilisation::two_mu_lambda;
+  problem.bubbles = mechanics["bubbles"].text() == "all" ? physics::Bubbles::all : physics::Bubbles::fracture;
+  problem.initial_stress = read_stress(root["initial"]["stress"]);
   problem.contact = read_contact(contact);
   if (contact) {
     problem.formulation =
@@ -161,8 +172,19 @@ physics::MechanicsProblem read_mechanics(const Cursor& root) {
   return problem;
 }
 
+physics::TimeSpan read_time(const Cursor& time) {
+  physics::TimeSpan span{.start = time["start"].number(),
+                         .end = time["end"].number(),
+                         .step = time["step"].number(),
+                         .smallest_step = time["smallest_step"].number(),
+                         .largest_step = time["largest_step"].number()};
+  for (const Cursor& output : time["outputs"].entries()) span.outputs.push_back(output.number());
+  return span;
+}
+
 Output read_output(const Cursor& output) {
   Output result;
+  result.checkpoint_every = static_cast<int>(output["checkpoint_every"].number());
   result.every = static_cast<int>(output["every"].number());
   for (const Cursor& probe : output["probes"].entries())
     result.probes.push_back({.name = probe["name"].text(), .at = probe["at"].point(), .place = probe.where()});
@@ -170,7 +192,9 @@ Output read_output(const Cursor& output) {
 }
 
 std::optional<physics::ExactSolution> read_exact(const Cursor& exact) {
-  if (!exact) return std::nullopt;
+  const bool mechanical =
+      std::ranges::any_of(exact.keys(), [](const std::string& key) { return key != "pressure" && key != "flux"; });
+  if (!mechanical) return std::nullopt;
   physics::ExactSolution solution;
   const auto vector = [&](const char* key) { return exact[key] ? std::optional(exact[key].expressions()) : std::nullopt; };
   solution.displacement = vector("displacement");
@@ -199,11 +223,14 @@ Scene read_scene(const Document& document, const std::filesystem::path& file) {
   scene.mesh = read_mesh_source(root["mesh"]);
   scene.fractures = read_fractures(root["fractures"]);
   if (scene.mesh.box) keep_fracture_planes(*scene.mesh.box, scene.fractures);
+  scene.has_mechanics = static_cast<bool>(root["mechanics"]);
   scene.mechanics = read_mechanics(root);
-  scene.time = {
-      .start = root["time"]["start"].number(), .end = root["time"]["end"].number(), .step = root["time"]["step"].number()};
+  scene.flow = read_flow(root);
+  scene.initial.equilibrium = root["initial"]["equilibrium"].is_true();
+  scene.time = read_time(root["time"]);
   scene.output = read_output(root["output"]);
   scene.exact = read_exact(root["exact"]);
+  scene.exact_flow = read_exact_flow(root["exact"]);
   scene.resolved = emit_yaml(document.root);
   return scene;
 }

@@ -26,6 +26,13 @@ struct Document {
   std::string dim_place;                  ///< Which one tells.
 };
 
+/// Keys of a material, any of which asks for mechanics; and those that ask for flow.
+inline constexpr std::array elastic_keys{"young", "poisson", "lame_mu", "lame_lambda"};
+inline constexpr std::array hydraulic_keys{"permeability", "biot", "biot_modulus", "storage"};
+
+/// "infinity", and what YAML calls so.
+bool is_infinity(const std::string& text);
+
 /// "scene.yaml:12 (mesh.box.cells)".
 std::string where(const Value& value, const std::string& path);
 
@@ -44,8 +51,10 @@ class Cursor {
 
   explicit operator bool() const { return value_ != nullptr && !value_->is_null(); }
   [[nodiscard]] Cursor operator[](const std::string& key) const;
+  [[nodiscard]] int dim() const { return document_->dim; }     ///< Of the scene; 0 when nothing tells.
+  [[nodiscard]] bool is_list() const { return value_ != nullptr && value_->is_list(); }
   [[nodiscard]] std::vector<Cursor> entries() const;  ///< Of a list; one value is a list of one, nothing an empty one.
-  [[nodiscard]] const std::vector<std::string>& keys() const { return value_->keys; }
+  [[nodiscard]] std::vector<std::string> keys() const { return value_ != nullptr ? value_->keys : std::vector<std::string>{}; }
 
   /// Place and path, for messages; of a missing key, the place of what it is missing from.
   [[nodiscard]] std::string where() const { return scene::where(value_ != nullptr ? *value_ : *parent_, path_); }
@@ -54,11 +63,17 @@ class Cursor {
 
   [[nodiscard]] std::string text() const { return value_ != nullptr ? value_->text : ""; }
   [[nodiscard]] double number() const;
+  [[nodiscard]] bool is_true() const { return text() == "true"; }
   [[nodiscard]] Expression expression() const;
+  [[nodiscard]] bool is_infinite() const { return is_infinity(text()); }
+  /// Of its text in a formula: ("1/(", ")") gives one over it.
+  [[nodiscard]] Expression expression_within(const std::string& before, const std::string& after) const;
   [[nodiscard]] std::optional<Expression> optional_expression() const;
   [[nodiscard]] Vec3 point() const;
   /// Components not given are zero.
   [[nodiscard]] std::array<Expression, 3> expressions() const;
+  /// xx yy zz xy yz xz of a scalar, a diagonal or a matrix (of which it takes the upper half).
+  [[nodiscard]] std::array<Expression, 6> tensor() const;
   [[nodiscard]] std::array<std::optional<Expression>, 3> optional_expressions() const;
 
  private:
