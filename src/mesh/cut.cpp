@@ -289,9 +289,8 @@ void PartCutter::fill_flow(DistributedMesh& part, Index rank) const {
   for (Index face = 0; face < faces_.size(); ++face) {
     const auto& sides = part.mesh.face_cells[face];
     const auto& traces = flow_.face_traces[faces_.members()[face]];
-    const bool one_trace = !part.mesh.on_fracture(face);  // and the face may be turned
-    flow.face_traces.push_back(
-        {sides[0] < 0 ? -1 : traces_[traces[0]], sides[1] < 0 ? -1 : traces_[traces[one_trace ? 0 : 1]]});
+    // A face that was turned has the same trace on both sides.
+    flow.face_traces.push_back({sides[0] < 0 ? -1 : traces_[traces[0]], sides[1] < 0 ? -1 : traces_[traces[1]]});
   }
 
   flow.ridges = numbering(ridges_, ridge_owners_, rank);

@@ -45,8 +45,8 @@ struct FlowEntities {
 
 /// Part of a rank. The ghost layer holds every cell that shares a node (geometric, across Gamma too) with an owned cell, and then
 /// the cells across the fracture faces of all these. So the rows of every owned copy can be assembled without communication,
-/// condensed fracture blocks included; so can those of every owned trace and ridge, since both cells of each fracture face around an
-/// owned ridge hold its nodes, as does the owned + cell by which the ridge is owned. Ranks may own no cell.
+/// condensed fracture blocks included; so can those of every owned trace and ridge, since both cells of each fracture face around
+/// an owned ridge hold its nodes, as does the owned + cell by which the ridge is owned. Ranks may own no cell.
 struct DistributedMesh {
   MPI_Comm comm = MPI_COMM_SELF;
   PolyMesh mesh;  ///< Owned cells first. Faces of ghosts whose neighbour is not here have face_cells[f][1] = -1 and are not
