@@ -140,8 +140,10 @@ auto count_keys(const Cursor& rule, const std::array<const char*, n>& keys) {
 }
 
 void check_material(const Cursor& rule) {
-  const auto given = count_keys(rule, elastic_keys);
-  if (given == 0 && count_keys(rule, hydraulic_keys) > 0) return;
+  const auto given = count_keys(rule, elastic_keys), hydraulic = count_keys(rule, hydraulic_keys);
+  if (given == 0 && hydraulic == 0)
+    refuse(rule, "the rule gives nothing", "Give young and poisson, lame_mu and lame_lambda, or permeability");
+  if (given == 0) return;
   const bool young = rule["young"] && rule["poisson"], lame = rule["lame_mu"] && rule["lame_lambda"];
   if (given != 2 || (!young && !lame))
     refuse(rule, "the moduli are not a pair", "Give young and poisson, or lame_mu and lame_lambda");
@@ -226,7 +228,6 @@ void check_mechanics(const Cursor& root) {
     return;
   }
   const std::vector<Cursor> materials = root["materials"].entries();
-  for (const Cursor& rule : materials) check_material(rule);
   if (std::ranges::none_of(materials, [](const Cursor& rule) { return count_keys(rule, elastic_keys) > 0; }))
     refuse(root["materials"], "no material gives elastic moduli",
            "Give young and poisson, or remove mechanics and contact to compute flow alone");
@@ -239,9 +240,10 @@ void check_mechanics(const Cursor& root) {
 void check_document(const Cursor& root) {
   check_mesh(root["mesh"]);
   check_fractures(root);
+  for (const Cursor& rule : root["materials"].entries()) check_material(rule);
+  check_flow(root);
   check_mechanics(root);
   check_contact(root);
-  check_flow(root);
   check_initial(root);
   check_time(root["time"]);
   check_unique(root["output"]["probes"].entries(), "name");
