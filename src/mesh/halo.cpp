@@ -10,26 +10,10 @@ namespace {
 
 static_assert(sizeof(PetscInt) == sizeof(GlobalIndex), "PETSc must be built with 32-bit indices");
 
-/// `block` values of one kind as one MPI unit; PETSc keeps a duplicate of its own, so this one may be short-lived.
-class BlockType {
- public:
-  BlockType(MPI_Datatype base, int block) {
-    MPI_Type_contiguous(block, base, &type_);
-    MPI_Type_commit(&type_);
-  }
-  ~BlockType() { MPI_Type_free(&type_); }
-  BlockType(const BlockType&) = delete;
-  BlockType& operator=(const BlockType&) = delete;
-  operator MPI_Datatype() const { return type_; }  // NOLINT: borrowed on purpose
-
- private:
-  MPI_Datatype type_ = MPI_DATATYPE_NULL;
-};
-
 /// Roots are the owned entries, leaves the ghosts behind them in the same array.
 template <class T>
 void send_to_ghosts(PetscSF sf, MPI_Datatype base, std::span<T> values, Index owned, int block) {
-  const BlockType type(base, block);
+  const mpi::BlockType type(base, block);  // PETSc keeps a duplicate of its own, so this one may be short-lived
   T* ghosts = values.data() + static_cast<std::size_t>(owned) * block;
   POLYSLIP_PETSC(PetscSFBcastBegin(sf, type, values.data(), ghosts, MPI_REPLACE));
   POLYSLIP_PETSC(PetscSFBcastEnd(sf, type, values.data(), ghosts, MPI_REPLACE));
@@ -61,7 +45,7 @@ void Halo::owner_to_ghost(std::span<Index> values, int block) const {
 void Halo::add_ghost_to_owner(std::span<double> values, int block) const {
   assert(values.size() == static_cast<std::size_t>(local_) * block);
   if (sf_.get() == nullptr) return;
-  const BlockType type(MPI_DOUBLE, block);
+  const mpi::BlockType type(MPI_DOUBLE, block);
   const double* ghosts = values.data() + static_cast<std::size_t>(owned_) * block;
   POLYSLIP_PETSC(PetscSFReduceBegin(sf_, type, ghosts, values.data(), MPI_SUM));
   POLYSLIP_PETSC(PetscSFReduceEnd(sf_, type, ghosts, values.data(), MPI_SUM));

@@ -34,6 +34,27 @@ std::vector<double> all_gather(MPI_Comm comm, double value);
 template <class Body>
 void on_root(MPI_Comm comm, Body&& body, int root = 0);
 
+/// Runs `body` on all ranks; if it throws on some, every rank throws an InputError with the sentence of the lowest of them. `body`
+/// must not communicate, but for one collective call at its end.
+template <class Body>
+void together(MPI_Comm comm, Body&& body);
+
+/// `block` values of one kind as one MPI unit, for as long as this lives.
+class BlockType {
+ public:
+  BlockType(MPI_Datatype base, int block) {
+    MPI_Type_contiguous(block, base, &type_);
+    MPI_Type_commit(&type_);
+  }
+  ~BlockType() { MPI_Type_free(&type_); }
+  BlockType(const BlockType&) = delete;
+  BlockType& operator=(const BlockType&) = delete;
+  operator MPI_Datatype() const { return type_; }  // NOLINT: borrowed on purpose
+
+ private:
+  MPI_Datatype type_ = MPI_DATATYPE_NULL;
+};
+
 }  // namespace polyslip::mpi
 
 #include "polyslip/common/mpi_impl.hpp"
