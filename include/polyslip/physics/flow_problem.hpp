@@ -11,8 +11,8 @@
 
 namespace polyslip::physics {
 
-/// Hydraulic properties of the cells of one region (empty: all) where `where` is not zero; later rules win property by property, so that
-/// a rule may give just what differs. Evaluated at the cell centre.
+/// Hydraulic properties of the cells of one region (empty: all) where `where` is not zero; later rules win property by property,
+/// so that a rule may give just what differs. Evaluated at the cell centre.
 struct HydraulicRule {
   std::string region;
   std::optional<Expression> where;

@@ -53,7 +53,8 @@ struct MechanicsProblem {
   std::array<Expression, 3> body_force;  ///< f [N/m3]
   Stabilisation stabilisation = Stabilisation::two_mu;
   Bubbles bubbles = Bubbles::fracture;
-  /// sigma_0 [Pa], tension positive: xx yy zz xy yz xz at x = cell centre (2D: yz = xz = 0); the effective stress is sigma_0 + C:eps(u).
+  /// sigma_0 [Pa], tension positive: xx yy zz xy yz xz at the cell centre (2D: yz = xz = 0); the effective stress is
+  /// sigma_0 + C:eps(u).
   std::optional<std::array<Expression, 6>> initial_stress;
   std::vector<ContactRule> contact;
   Formulation formulation = Formulation::condensed;
@@ -81,8 +82,8 @@ struct TimeSpan {
 
 /// Where a run starts.
 struct InitialState {
-  /// True: from the equilibrium under the loads at time.start with the initial pressures, fractures stuck or open as they come; slip and
-  /// storage are measured from it. False: from zero displacement, so that loads at time.start act within the first step.
+  /// True: from the equilibrium under the loads at time.start with the initial pressures, fractures stuck or open as they come;
+  /// slip and storage are measured from it. False: from zero displacement, so that loads at time.start act within the first step.
   bool equilibrium = false;
 };
 

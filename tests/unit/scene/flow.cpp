@@ -144,6 +144,9 @@ TEST(flow_scenes, take_initial_stress_and_bubbles_on_all_faces) {
   for (std::size_t i : {0, 2, 4, 5}) EXPECT_TRUE(stress[i].is_zero());
   EXPECT_EQ(problem.bubbles, physics::Bubbles::all);
   EXPECT_FALSE(parse(smallest).mechanics.initial_stress);
+  const Scene without_flow = parse(smallest, {"initial.stress.zz=-1e6"});
+  EXPECT_EQ((*without_flow.mechanics.initial_stress)[2]({}), -1e6);
+  EXPECT_FALSE(without_flow.initial.equilibrium);
   EXPECT_EQ(parse(smallest).mechanics.bubbles, physics::Bubbles::fracture);
 }
 
