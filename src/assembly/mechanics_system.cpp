@@ -412,10 +412,10 @@ void MechanicsSystem::linearise(Vec x, MatrixContent content) {
     if (cells_.faces()[face].cell < 0) continue;
     law_[face] = linearise_contact(law_of(face), point(face, work_), augmentation(face));
     symmetric[face] = law_[face];
-    if (law_[face].state != ContactState::slip || law_of(face).friction == 0) continue;
-    differs[face] = 1;
-    symmetric[face].d_lam.bottomRows<2>() << 0, 1, 0, 0, 0, 1;
-    symmetric[face].d_jump.bottomRows<2>().setZero();
+    if (law_[face].state != ContactState::slip || law_of(face).kind != FrictionLaw::coulomb || law_of(face).friction == 0) continue;
+    differs[face] = 1;  // only in that the normal traction moves the friction bound; across the direction of slip faces stay held
+    symmetric[face].d_lam.block<2, 1>(1, 0).setZero();
+    symmetric[face].d_jump.block<2, 1>(1, 0).setZero();
   }
   cells_.condense(law_, symmetric, differs);
   symmetric_everywhere_ = !mpi::any(mesh_.comm, cells_.any_difference());

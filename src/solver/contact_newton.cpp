@@ -123,8 +123,9 @@ PetscErrorCode ContactNewton::apply_condensation(PC pc, Vec f, Vec direction) {
   PetscInt iteration = 0;
   PetscCall(SNESGetIterationNumber(self->snes_, &iteration));
   const double faces = self->system_.fracture_faces();
-  const bool moves = faces > 0 && (iteration == 0 || self->trace_.changed > 0);
+  const bool moves = faces > 0 && (iteration == 0 || static_cast<double>(self->trace_.changed) > 0.01 * faces);
   PetscCall(self->linear_->solve(f, direction, 0.1 * rtol * self->norms_.momentum_scale, moves));
+  if (self->linear_->failed()) PetscCall(PCSetFailedReason(pc, PC_SUBPC_ERROR));  // SNES then ends with a failed linear solve
   PetscFunctionReturn(0);
 }
 

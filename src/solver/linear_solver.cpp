@@ -79,6 +79,8 @@ void LinearSolver::choose() {
   POLYSLIP_PETSC(MatSetOption(system_.matrix(), MAT_SPD, PETSC_TRUE));
   POLYSLIP_PETSC(KSPSetOperators(ksp_, system_.matrix(), system_.matrix()));
   POLYSLIP_PETSC(KSPSetFromOptions(ksp_));
+  POLYSLIP_PETSC(PetscOptionsGetReal(nullptr, prefix, "-loose_rtol", &loose_rtol_, nullptr));
+  POLYSLIP_PETSC(PetscOptionsGetBool(nullptr, prefix, "-update_hierarchy", &updates_hierarchy_, nullptr));
   PetscBool lu = PETSC_FALSE, factor = PETSC_FALSE;
   POLYSLIP_PETSC(PetscObjectTypeCompareAny(reinterpret_cast<PetscObject>(pc), &factor, PCLU, PCCHOLESKY, ""));
   factorises_ = factor == PETSC_TRUE;
@@ -107,7 +109,7 @@ void LinearSolver::set_up_preconditioner(bool again) {
   POLYSLIP_PETSC(KSPSetReusePreconditioner(ksp_, again ? PETSC_FALSE : PETSC_TRUE));
   is_reused_ = !again;
   if (!again) return;
-  if (!factorises_ && system_.fracture_faces() > 0) {
+  if (!factorises_ && updates_hierarchy_ && system_.fracture_faces() > 0) {
     if (!hierarchy_) hierarchy_.emplace(system_.matrix(), system_.changing_rows());
     hierarchy_->is_in_step();
   }
@@ -158,7 +160,7 @@ PetscErrorCode LinearSolver::run(double rtol, double target) {
 
 PetscErrorCode LinearSolver::solve(Vec f, Vec direction, double target, bool loose) {
   PetscFunctionBeginUser;
-  const double rtol = loose && !factorises_ ? 1e-3 : 0.0;
+  const double rtol = loose && !factorises_ ? loose_rtol_ : 0.0;
   PetscCallCXX(system_.condense_residual(f, rhs_));
   PetscCall(run(rtol, target));
   if (failed_ && is_reused_) {

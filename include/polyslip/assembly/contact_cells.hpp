@@ -54,11 +54,11 @@ class ContactCells {
                     std::span<double> bubble) const;
 
   /// Condenses every cell for the given derivatives of the contact law (by local fracture face). If `symmetric` derivatives differ on
-  /// some face (friction left out), their blocks are condensed too.
+  /// some face (friction bounds held), their blocks are condensed too.
   void condense(std::span<const physics::ContactLinearisation> law, std::span<const physics::ContactLinearisation> symmetric,
                 std::span<const char> differs);
   [[nodiscard]] std::span<const double> block(Index p) const { return matrix(condensed_, p); }          ///< C
-  [[nodiscard]] std::span<const double> symmetric_block(Index p) const;                                 ///< C with friction left out.
+  [[nodiscard]] std::span<const double> symmetric_block(Index p) const;                                 ///< C with friction bounds held.
   [[nodiscard]] bool any_difference() const { return any_difference_; }
   [[nodiscard]] bool differs(Index p) const { return cell_differs_[p] != 0; }
 

@@ -2,7 +2,7 @@
 //
 // One matrix is stored, over the nodal copies:  P = A + sum_K C_K  with the bulk A (all cells but the + cells; assembled once) and the
 // condensed blocks C_K of the + cells. Between Newton iterations only the rows of + cells are rewritten.
-// Where frictional slip makes C_K unsymmetric, P may hold the blocks with friction left out (state-matched, symmetric, what multigrid
+// Where frictional slip makes C_K unsymmetric, P may hold the blocks of the same states with the friction bounds held (symmetric, what multigrid
 // likes); the exact condensed operator is then P + sum_K (C_K - C_K^sym), see apply_condensed.
 #pragma once
 

@@ -43,6 +43,10 @@ struct ContactLinearisation {
   ContactState state;
 };
 
+/// A face this close to its bound (relative) counts as slipping: at the start of a step |z_t| = a up to rounding where it slipped in the
+/// last, and its state must not be left to rounding.
+inline constexpr double slip_tie = 1e-8;
+
 namespace detail {
 
 struct Augmented {
@@ -61,7 +65,7 @@ inline Augmented augment(const ContactLaw& law, const ContactPoint& p, const Aug
   a.length = std::hypot(a.z[1], a.z[2]);
   const double pressing = std::max(0.0, a.z[0]);
   a.radius = law.kind == FrictionLaw::coulomb ? law.friction * pressing : law.kind == FrictionLaw::tresca ? law.friction : 0.0;
-  const bool sticks = law.kind != FrictionLaw::frictionless && law.friction > 0 && a.length <= a.radius;
+  const bool sticks = law.kind != FrictionLaw::frictionless && law.friction > 0 && (a.length <= (1 - slip_tie) * a.radius || a.length == 0);
   a.state = a.z[0] < 0 ? ContactState::open : sticks ? ContactState::stick : ContactState::slip;
   return a;
 }
@@ -87,13 +91,13 @@ inline ContactLinearisation linearise_contact(const ContactLaw& law, const Conta
   l.residual = contact_residual(law, p, by);
   Eigen::Matrix3d d_z = Eigen::Matrix3d::Zero();  // derivative of (max(0, z_n), P_a(z_t)) with respect to z
   if (a.z[0] >= 0) d_z(0, 0) = 1;
-  if (a.length <= a.radius && a.radius > 0) {
+  if (a.state == ContactState::stick && a.radius > 0) {
     d_z(1, 1) = d_z(2, 2) = 1;
   } else if (a.length == 0 && a.state == ContactState::stick) {
     d_z(1, 1) = d_z(2, 2) = 1;  // z = 0: the stick side of the kink, so that a start from zero glues the faces
-  } else if (a.length > a.radius && a.radius > 0) {
+  } else if (a.length > 0 && a.radius > 0) {
     const Eigen::Vector2d e(a.z[1] / a.length, a.z[2] / a.length);
-    d_z.bottomRightCorner<2, 2>() = a.radius / a.length * (Eigen::Matrix2d::Identity() - e * e.transpose());
+    d_z.bottomRightCorner<2, 2>() = std::min(1.0, a.radius / a.length) * (Eigen::Matrix2d::Identity() - e * e.transpose());
     if (law.kind == FrictionLaw::coulomb) d_z.block<2, 1>(1, 0) = law.friction * e;
   }
   l.d_lam = Eigen::Matrix3d::Identity() - by.theta * d_z;

@@ -1,7 +1,7 @@
 // Solves the condensed nodal system of a Newton iteration (options prefix displacement_).
 //
 // Defaults by size and dimension: a sparse Cholesky factorisation (MUMPS) where it is cheapest, else smoothed aggregation with rigid-body
-// modes (GAMG). Both are built on the symmetric matrix of the same contact state with friction left out; where faces slip
+// modes (GAMG). Both are built on the symmetric matrix of the same contact state with the friction bounds held; where faces slip
 // with friction the Krylov method applies the exact unsymmetric operator. -displacement_pc_type lu factorises the exact matrix.
 #pragma once
 
@@ -30,7 +30,7 @@ class LinearSolver {
   /// is set up again only if they are too many for the Krylov method to make up for, or if this has begun to cost iterations; a multigrid
   /// hierarchy is brought up to date near the fractures instead.
   void matrix_changed(long long changed_faces);
-  /// direction = J^{-1} f, to `target` [N] in the condensed residual; `loose`: multigrid stops at 1e-3 of the right-hand side, for
+  /// direction = J^{-1} f, to `target` [N] in the condensed residual; `loose`: multigrid stops at 1e-3 (-displacement_loose_rtol) of the right-hand side, for
   /// steps after which the active set is likely to change anyway.
   PetscErrorCode solve(Vec f, Vec direction, double target, bool loose);
 
@@ -56,6 +56,8 @@ class LinearSolver {
   std::optional<la::HierarchyUpdate> hierarchy_;  ///< Where fractures change a matrix that algebraic multigrid works on.
   assembly::MechanicsSystem::MatrixContent content_ = assembly::MechanicsSystem::MatrixContent::symmetric;
   std::string choice_;
+  PetscBool updates_hierarchy_ = PETSC_TRUE;  ///< -displacement_update_hierarchy
+  PetscReal loose_rtol_ = 1e-3;  ///< -displacement_loose_rtol
   bool user_ksp_ = false;
   LinearCounts counts_;
   int last_iterations_ = 0;
