@@ -2,6 +2,7 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <array>
 #include <cassert>
 #include <stdexcept>
@@ -53,13 +54,21 @@ RowRange RowRange::in_rank_order(MPI_Comm comm, std::size_t count) {
   return {count, static_cast<hsize_t>(mpi::exclusive_sum(comm, n)), static_cast<hsize_t>(mpi::sum(comm, n))};
 }
 
-H5File::H5File(MPI_Comm comm, const std::filesystem::path& file, Mode mode) : name_(file.string()) {
+RowRange RowRange::even(MPI_Comm comm, hsize_t total) {
+  const auto rank = static_cast<hsize_t>(mpi::rank(comm)), ranks = static_cast<hsize_t>(mpi::size(comm));
+  const hsize_t first = total * rank / ranks;
+  return {total * (rank + 1) / ranks - first, first, total};
+}
+
+H5File::H5File(MPI_Comm comm, const std::filesystem::path& file, Mode mode, hsize_t head_bytes) : name_(file.string()) {
   H5Eget_auto2(H5E_DEFAULT, &print_errors_, &print_data_);
   H5Eset_auto2(H5E_DEFAULT, nullptr, nullptr);
   const H5Handle access(H5Pcreate(H5P_FILE_ACCESS), H5Pclose);
   H5Pset_fapl_mpio(access, comm, MPI_INFO_NULL);
   if (mode == Mode::create) {
-    file_ = H5Handle(H5Fcreate(name_.c_str(), H5F_ACC_TRUNC, H5P_DEFAULT, access), H5Fclose);
+    const H5Handle creation(H5Pcreate(H5P_FILE_CREATE), H5Pclose);
+    H5Pset_userblock(creation, head_bytes);
+    file_ = H5Handle(H5Fcreate(name_.c_str(), H5F_ACC_TRUNC, creation, access), H5Fclose);
   } else {
     file_ = H5Handle(H5Fopen(name_.c_str(), mode == Mode::read ? H5F_ACC_RDONLY : H5F_ACC_RDWR, access), H5Fclose);
   }
@@ -67,6 +76,7 @@ H5File::H5File(MPI_Comm comm, const std::filesystem::path& file, Mode mode) : na
     H5Eset_auto2(H5E_DEFAULT, print_errors_, print_data_);
     refuse(mode == Mode::create ? "create the file" : "open the file");
   }
+  first_rank_ = mpi::rank(comm) == 0;
   transfer_ = H5Handle(H5Pcreate(H5P_DATASET_XFER), H5Pclose);
   H5Pset_dxpl_mpio(transfer_, H5FD_MPIO_COLLECTIVE);
 }
@@ -102,6 +112,10 @@ double H5File::read_attribute(const std::string& path, const std::string& name) 
   return value;
 }
 
+bool H5File::has_attribute(const std::string& path, const std::string& name) const {
+  return H5Aexists_by_name(file_, path.c_str(), name.c_str(), H5P_DEFAULT) > 0;
+}
+
 void H5File::write_table(const std::string& path, const RowRange& rows, int columns, hid_t type, const void* values) {
   const std::array<hsize_t, 2> extent{rows.total, static_cast<hsize_t>(columns)};
   const H5Handle links(H5Pcreate(H5P_LINK_CREATE), H5Pclose);
@@ -121,6 +135,35 @@ void H5File::write(const std::string& path, const RowRange& rows, int columns, s
 void H5File::write(const std::string& path, const RowRange& rows, int columns, std::span<const std::int32_t> values) {
   assert(values.size() >= rows.count * static_cast<hsize_t>(columns));
   write_table(path, rows, columns, H5T_NATIVE_INT32, values.data());
+}
+
+void H5File::write_text(const std::string& path, const std::string& text) {
+  const H5Handle links(H5Pcreate(H5P_LINK_CREATE), H5Pclose);
+  H5Pset_create_intermediate_group(links, 1);
+  const H5Handle type(H5Tcopy(H5T_C_S1), H5Tclose);
+  H5Tset_size(type, std::max<std::size_t>(1, text.size()));
+  H5Tset_strpad(type, H5T_STR_NULLPAD);
+  H5Tset_cset(type, H5T_CSET_UTF8);
+  const H5Handle space(H5Screate(H5S_SCALAR), H5Sclose);
+  const H5Handle table(H5Dcreate2(file_, path.c_str(), type, space, links, H5P_DEFAULT, H5P_DEFAULT), H5Dclose);
+  if (table < 0) refuse("create the text " + path);
+  if (!first_rank_) H5Sselect_none(space);
+  if (H5Dwrite(table, type, space, space, transfer_, text.c_str()) < 0) refuse("write the text " + path);
+}
+
+std::string H5File::read_text(const std::string& path) const {
+  const H5Handle table(H5Dopen2(file_, path.c_str(), H5P_DEFAULT), H5Dclose);
+  if (table < 0) refuse("open the text " + path);
+  const H5Handle type(H5Dget_type(table), H5Tclose);
+  std::string text(H5Tget_size(type), '\0');
+  if (H5Dread(table, type, H5S_ALL, H5S_ALL, transfer_, text.data()) < 0) refuse("read the text " + path);
+  text.resize(text.find_last_not_of('\0') + 1);  // npos + 1 is 0
+  return text;
+}
+
+void H5File::close() {
+  flush();
+  if (file_.close() < 0) refuse("close the file");
 }
 
 void H5File::flush() {
