@@ -5,22 +5,13 @@
 #include <cassert>
 
 #include "polyslip/common/error.hpp"
-#include "polyslip/geometry/faces.hpp"
+#include "polyslip/spaces/hfv_cell.hpp"
 
 namespace polyslip::physics {
 
 namespace {
 
 std::string text(const Vec3& x) { return fmt::format("({:g}, {:g}, {:g})", x.x(), x.y(), x.z()); }
-
-Vec3 face_centre(const mesh::PolyMesh& mesh, Index face) {
-  std::vector<Vec3> points;
-  for (Index s : mesh.face_nodes[face]) points.push_back(mesh.nodes[s]);
-  std::vector<Vec3> g(points.size());
-  std::vector<double> w(points.size());
-  geometry::vector_weights(mesh.dim, points, g);
-  return geometry::face_geometry(points, g, w).centre;
-}
 
 void check_positive(double value, const char* what, const char* unit, const char* remedy, const FractureFlowRule& rule,
                     const Vec3& x) {
@@ -54,7 +45,7 @@ std::vector<FractureHydraulics> fracture_hydraulics(const mesh::PolyMesh& mesh, 
   for (Index face : faces) {
     const auto fracture = static_cast<std::size_t>(mesh.face_fracture[face]);
     const std::string& name = mesh.fracture_names[fracture];
-    const EvalPoint at{face_centre(mesh, face), 0, mesh.face_tip_distance[face], mesh.fracture_length[fracture]};
+    const EvalPoint at{spaces::face_geometry(mesh, face).centre, 0, mesh.face_tip_distance[face], mesh.fracture_length[fracture]};
     const FractureFlowRule* chosen = nullptr;
     for (const FractureFlowRule& rule : rules)
       if (rule.fracture.empty() || rule.fracture == name) chosen = &rule;

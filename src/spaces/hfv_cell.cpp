@@ -7,7 +7,6 @@
 #include <cmath>
 
 #include "polyslip/common/error.hpp"
-#include "polyslip/geometry/faces.hpp"
 #include "polyslip/spaces/vem_cell.hpp"
 
 namespace polyslip::spaces {
@@ -44,6 +43,15 @@ Vec3 cell_node_average(const mesh::PolyMesh& mesh, Index cell) {
   Vec3 c = Vec3::Zero();
   for (Index s : mesh.cell_nodes[cell]) c += mesh.nodes[s];
   return c / mesh.cell_nodes.row_size(cell);
+}
+
+geometry::FaceGeometry face_geometry(const mesh::PolyMesh& mesh, Index face) {
+  std::vector<Vec3> points;
+  face_points(mesh, face, points);
+  std::vector<Vec3> g(points.size());
+  std::vector<double> w(points.size());
+  geometry::vector_weights(mesh.dim, points, g);
+  return geometry::face_geometry(points, g, w);
 }
 
 void HfvCell::add_face(Index face) {

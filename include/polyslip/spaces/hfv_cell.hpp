@@ -9,6 +9,7 @@
 #include <span>
 #include <vector>
 
+#include "polyslip/geometry/faces.hpp"
 #include "polyslip/geometry/quadrature.hpp"
 #include "polyslip/mesh/poly_mesh.hpp"
 
@@ -66,5 +67,7 @@ class HfvCell {
 
 /// Average of the nodes of a cell [m].
 Vec3 cell_node_average(const mesh::PolyMesh& mesh, Index cell);
+/// Area, normal and centre of a face of the mesh. Allocates: for places that see each face once.
+geometry::FaceGeometry face_geometry(const mesh::PolyMesh& mesh, Index face);
 
 }  // namespace polyslip::spaces

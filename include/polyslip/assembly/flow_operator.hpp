@@ -1,0 +1,83 @@
+// The Darcy fluxes of rock and fractures as a matrix H over all pressure unknowns (scheme.md section 4): row by row
+//   cell            (H q)_K     = sum_sigma F_{K sigma}(q)                                  what leaves the cell
+//   trace           (H q)_sigma = - sum_K F_{K sigma}(q)                                    off Gamma
+//                               = - F_{K sigma}(q) + |sigma| T_f (q_{K sigma} - q_sigma^f)  on each side of a fracture face
+//   fracture face   (H q)_f     = sum_e F_{sigma e}(q) - sum_sides |sigma| T_f (q_{K sigma} - q_sigma^f)
+//   ridge           (H q)_e     = - sum_sigma F_{sigma e}(q)
+// all in m3/s (2D: m2/s). H is symmetric, positive semidefinite, and its rows sum to 0; q.Hq is the power that Darcy's law
+// dissipates. The part of the rock is assembled once; conductivities of the fractures only rewrite the rows of fracture sides,
+// faces and ridges.
+#pragma once
+
+#include <memory>
+
+#include "polyslip/assembly/flow_layout.hpp"
+#include "polyslip/la/block_matrix.hpp"
+#include "polyslip/physics/darcy.hpp"
+#include "polyslip/physics/fracture_flow.hpp"
+
+namespace polyslip::assembly {
+
+/// Power dissipated by the flow, q.Hq [W; 2D: W/m], over all ranks.
+struct Dissipation {
+  double matrix = 0, interface = 0, fracture = 0;
+  [[nodiscard]] double total() const { return matrix + interface + fracture; }
+};
+
+class FlowOperator {
+ public:
+  /// Fracture conductivities are 0 until set_conductivities. Throws InputError, on all ranks alike, for cells that HFV cannot take.
+  FlowOperator(const mesh::DistributedMesh& mesh, const FlowLayout& layout, std::span<const physics::HydraulicProperties> rock,
+               double viscosity);
+
+  /// One for each local fracture face.
+  void set_conductivities(std::span<const physics::FractureConductivity> fractures);
+
+  /// H, prescribed unknowns included.
+  [[nodiscard]] Mat matrix() const { return matrix_->get(); }
+  /// Places of the owned unknowns [m]: x_K, face centres, ridge centres.
+  [[nodiscard]] std::span<const Vec3> points() const { return points_; }
+  [[nodiscard]] std::span<const double> volumes() const { return volumes_; }  ///< |K| of the owned cells [m3].
+  [[nodiscard]] std::span<const double> areas() const {
+    return areas_;
+  }  ///< |sigma| of the local fracture faces [m2]; empty where they
+     ///< carry no fluid.
+
+  /// q.Hq by parts.
+  [[nodiscard]] Dissipation dissipation(Vec q) const;
+
+  /// The rows of H q that change with the conductivities of one local fracture face, and their derivatives to its aperture at q
+  /// (local array): the face, its ridges, its two sides. Conductivities must have been set.
+  void aperture_derivative(Index fracture_face, std::span<const double> q, std::vector<Index>& rows,
+                           std::vector<double>& values) const;
+
+ private:
+  /// Local unknowns of an element: [cell or fracture face, its faces or ridges].
+  void cell_unknowns(Index cell, std::vector<Index>& unknowns) const;
+  void fracture_unknowns(Index fracture_face, std::vector<Index>& unknowns) const;
+  /// Unknowns of the two sides of a fracture face.
+  [[nodiscard]] std::array<Index, 2> sides(Index fracture_face) const;
+  [[nodiscard]] bool any_owned(std::span<const Index> unknowns) const;
+  [[nodiscard]] Csr graph() const;
+  void assemble_rock(std::span<const physics::HydraulicProperties> rock, double viscosity);
+  void measure_fractures();
+  void keep_rock_rows();
+  void place_points();
+  void add(std::span<const Index> unknowns, std::span<const double> block, double scale);
+  [[nodiscard]] double fracture_form(Index fracture_face, std::span<const double> q) const;
+  [[nodiscard]] std::span<const double> unit_transmissibilities(Index fracture_face) const;
+
+  const mesh::DistributedMesh& mesh_;
+  const FlowLayout& layout_;
+  std::unique_ptr<la::BlockMatrix> matrix_;
+  std::vector<Vec3> points_;
+  std::vector<double> volumes_, areas_;
+
+  std::vector<double> unit_T_;               ///< T of each local fracture face at unit conductivity, one behind the other.
+  std::vector<std::size_t> unit_T_offsets_;  ///< Where each starts.
+  std::vector<physics::FractureConductivity> conductivities_;
+  std::vector<Index> fracture_rows_;  ///< Owned unknowns whose rows fractures change.
+  std::vector<double> rock_rows_;     ///< Their values without fractures.
+};
+
+}  // namespace polyslip::assembly

@@ -1,0 +1,124 @@
+#include "polyslip/assembly/flow_fields.hpp"
+
+#include <cmath>
+
+#include "polyslip/common/mpi.hpp"
+
+namespace polyslip::assembly {
+
+namespace {
+
+/// A flow state made ready for loops over elements.
+class Gradients {
+ public:
+  Gradients(const FlowSystem& system, Vec q)
+      : system_(system), q_(static_cast<std::size_t>(system.layout().local_size())), hfv_(system.mesh().mesh) {
+    system.layout().gather(q, q_);
+  }
+  /// G_K q; element() is the cell then.
+  Vec3 in_cell(Index cell) {
+    const mesh::DistributedMesh& mesh = system_.mesh();
+    hfv_.build(cell);
+    faces_.clear();
+    for (Index face : mesh.mesh.cell_faces[cell])
+      faces_.push_back(q_[system_.layout().trace(mesh.flow.face_traces[face][mesh.mesh.face_cells[face][0] == cell ? 0 : 1])]);
+    return hfv_.gradient(q_[system_.layout().cell(cell)], faces_);
+  }
+  Vec3 in_fracture_face(Index f) {
+    hfv_.build_fracture_face(system_.mesh().fracture_faces[f]);
+    faces_.clear();
+    for (Index ridge : system_.mesh().flow.fracture_ridges[f]) faces_.push_back(q_[system_.layout().ridge(ridge)]);
+    return hfv_.gradient(q_[system_.layout().fracture(f)], faces_);
+  }
+  [[nodiscard]] const spaces::HfvCell& element() const { return hfv_; }
+  [[nodiscard]] double cell_value(Index cell) const { return q_[system_.layout().cell(cell)]; }
+  /// V_K
+  Vec3 flux(Index cell) { return -system_.rock()[cell].permeability / system_.problem().viscosity * in_cell(cell); }
+
+ private:
+  const FlowSystem& system_;
+  std::vector<double> q_, faces_;
+  spaces::HfvCell hfv_;
+};
+
+void append(std::vector<double>& values, const Vec3& v) { values.insert(values.end(), {v.x(), v.y(), v.z()}); }
+
+/// Squares of an error and of the exact field, summed over ranks at the end.
+struct Squares {
+  double error = 0, exact = 0;
+  [[nodiscard]] double relative(MPI_Comm comm) const {
+    const double e = std::sqrt(std::max(0.0, mpi::sum(comm, error))), n = std::sqrt(std::max(0.0, mpi::sum(comm, exact)));
+    return n > 0 ? e / n : e;
+  }
+};
+
+}  // namespace
+
+std::vector<double> cell_pressures(const FlowSystem& system, Vec q) {
+  const VecRead a(q);
+  std::vector<double> p;
+  for (Index cell = 0; cell < system.mesh().cells.owned; ++cell) {
+    const Index i = system.layout().cell(cell);
+    p.push_back(a[i] + system.reference()[i]);
+  }
+  return p;
+}
+
+std::vector<double> cell_fluxes(const FlowSystem& system, Vec q) {
+  Gradients gradients(system, q);
+  std::vector<double> fluxes;
+  for (Index cell = 0; cell < system.mesh().cells.owned; ++cell) append(fluxes, gradients.flux(cell));
+  return fluxes;
+}
+
+std::vector<double> fracture_pressures(const FlowSystem& system, Vec q) {
+  if (!system.layout().with_fractures()) return {};
+  std::vector<double> local(static_cast<std::size_t>(system.layout().local_size())), p;
+  system.layout().gather(q, local);
+  for (Index f = 0; f < system.mesh().fractures.local(); ++f) {
+    const Index i = system.layout().fracture(f);
+    p.push_back(local[i] + system.reference()[i]);
+  }
+  return p;
+}
+
+std::vector<double> fracture_fluxes(const FlowSystem& system, Vec q) {
+  Gradients gradients(system, q);
+  std::vector<double> fluxes;
+  for (Index f = 0; system.layout().with_fractures() && f < system.mesh().fractures.owned; ++f)
+    append(fluxes, -system.conductivities()[f].along * gradients.in_fracture_face(f));
+  return fluxes;
+}
+
+FlowErrorNorms flow_error_norms(const FlowSystem& system, const physics::ExactFlow& exact, double time, Vec q) {
+  Gradients gradients(system, q);
+  Squares pressure, flux;
+  std::vector<geometry::QuadraturePoint> rule;
+  for (Index cell = 0; cell < system.mesh().cells.owned; ++cell) {
+    const Vec3 gradient = gradients.in_cell(cell);
+    const Vec3 V = -system.rock()[cell].permeability / system.problem().viscosity * gradient;
+    rule.clear();
+    gradients.element().append_rule(rule);
+    for (const auto& point : rule) {
+      const EvalPoint at{.x = point.x, .t = time};
+      if (exact.pressure) {
+        const double p = (*exact.pressure)(at);
+        const double ours =
+            gradients.cell_value(cell) + gradient.dot(point.x - gradients.element().centre()) + system.reference_at(point.x);
+        pressure.error += point.weight * std::pow(ours - p, 2);
+        pressure.exact += point.weight * p * p;
+      }
+      if (!exact.flux) continue;
+      Vec3 v = Vec3::Zero();
+      for (int a = 0; a < system.mesh().mesh.dim; ++a) v[a] = (*exact.flux)[a](at);
+      flux.error += point.weight * (V - v).squaredNorm();
+      flux.exact += point.weight * v.squaredNorm();
+    }
+  }
+  FlowErrorNorms norms;
+  if (exact.pressure) norms.pressure = pressure.relative(system.mesh().comm);
+  if (exact.flux) norms.flux = flux.relative(system.mesh().comm);
+  return norms;
+}
+
+}  // namespace polyslip::assembly
