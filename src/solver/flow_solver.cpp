@@ -1,0 +1,106 @@
+#include "polyslip/solver/flow_solver.hpp"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+
+#include "polyslip/common/error.hpp"
+
+namespace polyslip::solver {
+
+namespace {
+
+constexpr const char* prefix = "pressure_";
+constexpr GlobalIndex direct_limit_2d = 500'000,
+                      direct_limit_3d = 30'000;  ///< Unknowns up to which a factorisation is the faster choice.
+
+}  // namespace
+
+FlowSolver::FlowSolver(assembly::FlowSystem& system)
+    : system_(system),
+      previous_(system.layout().create_vector()),
+      residual_(system.layout().create_vector()),
+      correction_(system.layout().create_vector()) {
+  PetscReal storage = 0;
+  POLYSLIP_PETSC(VecNorm(system.storage(), NORM_INFINITY, &storage));
+  if (storage == 0 && system.load_assembler().fixed_total() == 0)
+    throw InputError("nothing determines the pressure: no boundary has a given pressure, and nothing stores fluid", "flow",
+                     "Give a pressure on some boundary, or 1/M > 0 and flow in time");
+  POLYSLIP_PETSC(KSPCreate(system.mesh().comm, ksp_.put()));
+  POLYSLIP_PETSC(KSPSetOptionsPrefix(ksp_, prefix));
+  choose();
+}
+
+void FlowSolver::choose() {
+  const int dim = system_.mesh().mesh.dim;
+  const GlobalIndex unknowns = system_.layout().numbering().total, limit = dim == 2 ? direct_limit_2d : direct_limit_3d;
+  PC pc = nullptr;
+  POLYSLIP_PETSC(KSPGetPC(ksp_, &pc));
+  POLYSLIP_PETSC(KSPSetType(ksp_, KSPCG));
+  POLYSLIP_PETSC(KSPSetNormType(ksp_, KSP_NORM_NATURAL));
+  POLYSLIP_PETSC(KSPSetTolerances(ksp_, 1e-12, 0.0, PETSC_DEFAULT, 500));
+  PetscBool user = PETSC_FALSE;
+  POLYSLIP_PETSC(PetscOptionsHasName(nullptr, prefix, "-pc_type", &user));
+  if (user) {
+    choice_ = "pressure solver: as the options say";
+  } else if (unknowns <= limit) {
+    POLYSLIP_PETSC(KSPSetType(ksp_, KSPPREONLY));
+    POLYSLIP_PETSC(KSPSetNormType(ksp_, KSP_NORM_NONE));
+    POLYSLIP_PETSC(PCSetType(pc, PCCHOLESKY));
+    POLYSLIP_PETSC(PCFactorSetMatSolverType(pc, MATSOLVERMUMPS));
+    choice_ = fmt::format(
+        "pressure solver: sparse Cholesky (MUMPS), as {} unknowns in {}D are at most {}; -pressure_pc_type hypre for multigrid",
+        unknowns, dim, limit);
+  } else {
+    POLYSLIP_PETSC(PCSetType(pc, PCHYPRE));
+    choice_ = fmt::format(
+        "pressure solver: conjugate gradients with algebraic multigrid (BoomerAMG), as {} unknowns in {}D exceed {}; "
+        "-pressure_pc_type cholesky for a factorisation",
+        unknowns, dim, limit);
+  }
+  POLYSLIP_PETSC(KSPSetFromOptions(ksp_));
+  PetscBool factor = PETSC_FALSE;
+  POLYSLIP_PETSC(PetscObjectTypeCompareAny(reinterpret_cast<PetscObject>(pc), &factor, PCLU, PCCHOLESKY, ""));
+  factorises_ = factor == PETSC_TRUE;
+}
+
+void FlowSolver::use_matrix() {
+  const Mat matrix = system_.matrix();
+  POLYSLIP_PETSC(KSPSetOperators(ksp_, matrix, matrix));
+  if (system_.matrix_version() == set_up_for_) return;
+  set_up_for_ = system_.matrix_version();
+  ++counts_.setups;
+  if (factorises_) ++counts_.factorisations;
+}
+
+void FlowSolver::count(FlowStep& step) {
+  PetscInt its = 0;
+  KSPConvergedReason reason = KSP_CONVERGED_ITERATING;
+  POLYSLIP_PETSC(KSPGetIterationNumber(ksp_, &its));
+  POLYSLIP_PETSC(KSPGetConvergedReason(ksp_, &reason));
+  const int iterations = static_cast<int>(its);
+  step.iterations += iterations;
+  counts_.iterations += iterations;
+  counts_.max_per_solve = std::max(counts_.max_per_solve, iterations);
+  if (reason > 0) return;
+  step.converged = false;
+  step.message = fmt::format("the pressure solver stopped after {} iterations ({}); -pressure_pc_type cholesky may help", its,
+                             KSPConvergedReasons[reason]);
+}
+
+FlowStep FlowSolver::step(Vec q) {
+  FlowStep step;
+  use_matrix();
+  POLYSLIP_PETSC(VecCopy(q, previous_));
+  system_.impose(q);
+  const int passes = factorises_ ? 2 : 1;  // the second refines what round-off has left
+  for (int pass = 0; pass < passes && step.converged; ++pass) {
+    system_.residual(q, previous_, residual_);
+    POLYSLIP_PETSC(KSPSolve(ksp_, residual_, correction_));
+    count(step);
+    POLYSLIP_PETSC(VecAXPY(q, -1.0, correction_));
+  }
+  return step;
+}
+
+}  // namespace polyslip::solver
