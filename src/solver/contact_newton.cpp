@@ -3,6 +3,7 @@
 #include <fmt/format.h>
 
 #include <cmath>
+#include <utility>
 
 #include "polyslip/assembly/saddle_matrix.hpp"
 #include "polyslip/common/mpi.hpp"
@@ -92,7 +93,7 @@ PetscErrorCode ContactNewton::form_jacobian(SNES, Vec x, Mat, Mat matrix, void* 
   const la::LogStage stage("condense", self->seconds_.condense);
   if (self->linear_) {
     PetscCallCXX(self->system_.linearise(x, self->linear_->content()));
-    PetscCallCXX(self->linear_->matrix_changed(self->changed_faces(x)));
+    PetscCallCXX(self->linear_->matrix_changed(self->system_.states(x), std::exchange(self->law_changed_, false)));
     PetscCall(MatAssemblyBegin(matrix, MAT_FINAL_ASSEMBLY));
     PetscCall(MatAssemblyEnd(matrix, MAT_FINAL_ASSEMBLY));
   } else {
@@ -102,15 +103,6 @@ PetscErrorCode ContactNewton::form_jacobian(SNES, Vec x, Mat, Mat matrix, void* 
     ++self->saddle_counts_.factorisations;
   }
   PetscFunctionReturn(0);
-}
-
-long long ContactNewton::changed_faces(Vec x) {
-  const auto now = system_.states(x);
-  long long changed = 0;
-  for (std::size_t f = 0; f < now.size(); ++f) changed += states_of_matrix_.empty() || now[f] != states_of_matrix_[f] ? 1 : 0;
-  states_of_matrix_ = now;
-  changed = mpi::sum(system_.mesh().comm, changed);
-  return changed;
 }
 
 PetscErrorCode ContactNewton::apply_condensation(PC pc, Vec f, Vec direction) {
@@ -210,11 +202,11 @@ void ContactNewton::approach_by_springs(Vec x, NewtonResult& result) {
   system_.use_springs(true);
   for (double scale : {0.1, 0.5, 2.5, 12.5}) {
     system_.set_beta_scale(scale);
-    states_of_matrix_.clear();  // springs of another stiffness change the matrix on every face, and so does the law after them
+    law_changed_ = true;  // springs of another stiffness change the matrix on every face, and so does the law after them
     run(x, fmt::format("springs of {:g} (2 mu + lambda)/h first", scale), result);
   }
   system_.use_springs(false);
-  states_of_matrix_.clear();
+  law_changed_ = true;
   POLYSLIP_PETSC(SNESSetTolerances(snes_, atol, rtol, stol, max_it, max_f));
 }
 

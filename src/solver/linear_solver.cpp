@@ -4,9 +4,12 @@
 
 #include <algorithm>
 
+#include "polyslip/common/mpi.hpp"
+
 namespace polyslip::solver {
 
 using assembly::MechanicsSystem;
+using physics::ContactState;
 
 namespace {
 
@@ -109,9 +112,19 @@ void LinearSolver::set_up_preconditioner(bool again) {
   POLYSLIP_PETSC(KSPSetReusePreconditioner(ksp_, again ? PETSC_FALSE : PETSC_TRUE));
   is_reused_ = !again;
   if (!again) return;
+  if (const PC pc = hierarchy(); pc != nullptr) {
+    // Aggregates may stay as long as the fractures part and join the same sides.
+    const bool new_aggregates = states_of_aggregates_.empty() || aggregates_are_stale();
+    if (new_aggregates) states_of_aggregates_ = states_of_matrix_;
+    if (has_preconditioner_ && new_aggregates) {
+      POLYSLIP_PETSC(PCGAMGSetReuseInterpolation(pc, PETSC_FALSE));
+      POLYSLIP_PETSC(KSPSetUp(ksp_));
+      POLYSLIP_PETSC(PCGAMGSetReuseInterpolation(pc, PETSC_TRUE));
+    }
+  }
   if (!factorises_ && updates_hierarchy_ && system_.fracture_faces() > 0) {
-    if (!hierarchy_) hierarchy_.emplace(system_.matrix(), system_.changing_rows());
-    hierarchy_->is_in_step();
+    if (!changes_) changes_.emplace(system_.matrix(), system_.changing_rows());
+    changes_->is_in_step();
   }
   has_preconditioner_ = true;
   changed_since_setup_ = 0;
@@ -120,22 +133,41 @@ void LinearSolver::set_up_preconditioner(bool again) {
   if (factorises_) ++counts_.factorisations;
 }
 
-void LinearSolver::matrix_changed(long long changed_faces) {
+bool LinearSolver::aggregates_are_stale() const {
+  if (states_of_aggregates_.size() != states_of_matrix_.size()) return false;
+  long long parted = 0;
+  for (std::size_t f = 0; f < states_of_matrix_.size(); ++f)
+    parted += (states_of_matrix_[f] == ContactState::open) != (states_of_aggregates_[f] == ContactState::open) ? 1 : 0;
+  return 2 * mpi::sum(system_.mesh().comm, parted) > system_.fracture_faces();
+}
+
+void LinearSolver::matrix_changed(const std::vector<ContactState>& states, bool everywhere) {
   set_method();
-  changed_since_setup_ += changed_faces;
+  long long changed = 0;
+  for (std::size_t f = 0; f < states.size(); ++f) changed += everywhere || states_of_matrix_.empty() || states[f] != states_of_matrix_[f] ? 1 : 0;
+  changed = mpi::sum(system_.mesh().comm, changed);
+  states_of_matrix_ = states;
+  if (!has_preconditioner_ || content_ == MechanicsSystem::MatrixContent::exact) return set_up_preconditioner(true);
+  changed_since_setup_ += changed;
+  if (changed > 0 && !aggregates_are_stale() && update_hierarchy()) return set_up_preconditioner(false);
   // A changed face is a perturbation of rank d, worth about d iterations to a factorisation and less to multigrid.
-  const bool many = changed_since_setup_ * system_.layout().dim() > (factorises_ ? 8 : 0.02 * system_.fracture_faces());
+  const bool many = static_cast<double>(changed_since_setup_ * system_.layout().dim()) > (factorises_ ? 8 : 0.02 * system_.fracture_faces());
   const bool costly = iterations_after_setup_ >= 0 && last_iterations_ > 1.5 * iterations_after_setup_ + 5;
-  const bool exact = content_ == MechanicsSystem::MatrixContent::exact;
-  if (has_preconditioner_ && changed_faces > 0 && update_hierarchy()) return set_up_preconditioner(false);
-  set_up_preconditioner(!has_preconditioner_ || many || costly || exact);
+  set_up_preconditioner(many || costly);
+}
+
+PC LinearSolver::hierarchy() const {
+  PC pc = nullptr;
+  PetscBool is_hierarchy = PETSC_FALSE;
+  POLYSLIP_PETSC(KSPGetPC(ksp_, &pc));
+  POLYSLIP_PETSC(PetscObjectTypeCompareAny(reinterpret_cast<PetscObject>(pc), &is_hierarchy, PCGAMG, PCML, ""));
+  return is_hierarchy ? pc : nullptr;
 }
 
 bool LinearSolver::update_hierarchy() {
-  PC pc = nullptr;
-  POLYSLIP_PETSC(KSPGetPC(ksp_, &pc));
-  if (!hierarchy_ || !la::HierarchyUpdate::can_update(pc)) return false;
-  hierarchy_->apply(pc);
+  const PC pc = hierarchy();
+  if (!changes_ || pc == nullptr || !la::HierarchyUpdate::can_update(pc)) return false;
+  changes_->apply(pc);
   return true;
 }
 

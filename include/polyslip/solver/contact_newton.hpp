@@ -64,7 +64,6 @@ class ContactNewton {
   void approach_by_springs(Vec x, NewtonResult& result);
   bool try_lagged_friction(Vec x, NewtonResult& result);
   bool is_unsettled(int iteration);
-  long long changed_faces(Vec x);
   [[nodiscard]] std::string why(SNESConvergedReason reason) const;
   void record(int iteration, const assembly::ResidualNorms& norms);
 
@@ -79,7 +78,7 @@ class ContactNewton {
   la::Handle<SNES> snes_;
   la::Handle<Mat> jacobian_;  ///< Shell (condensed) or assembled (saddle).
   la::Handle<Vec> residual_, start_, lagged_;
-  std::vector<physics::ContactState> states_of_matrix_;  ///< Owned faces, when the matrix was written last.
+  bool law_changed_ = true;  ///< On faces that keep their state too, since the matrix was written last.
   std::string remedy_;
   bool may_soften_ = false, unsettled_ = false;
   assembly::ResidualNorms norms_;
