@@ -22,7 +22,7 @@ std::vector<Index> number_fracture_faces(const mesh::DistributedMesh& mesh) {
 
 /// Whether this rank needs the blocks of a + cell: it owns the cell, or one of the copies on its nodes (across Gamma too).
 bool is_needed(const mesh::DistributedMesh& mesh, Index cell, std::span<const Index> external) {
-  if (cell < mesh.cells.owned) return true;
+  if (cell < mesh.cells.owned || !mesh.flow.empty()) return true;  // flow: rows of owned ridges may depend on any of them
   return std::any_of(external.begin(), external.end(), [&](Index copy) { return copy < mesh.copies.owned; });
 }
 
@@ -111,8 +111,24 @@ void ContactCells::add_cell(const mesh::DistributedMesh& mesh, spaces::VemCell& 
   cell_faces_.push_row(local_faces);
 }
 
+void ContactCells::attach_fluid(std::vector<ContactFluid> fluid) {
+  fluid_ = std::move(fluid);
+  std::size_t condensed = 0, coupling = 0;
+  for (Index p = 0; p < size(); ++p) {
+    const auto e = static_cast<std::size_t>(block_size(p)), i = static_cast<std::size_t>(2 * dim_) * cells_[p].n_faces;
+    cells_[p].condensed = condensed;
+    cells_[p].coupling = coupling;
+    condensed += e * e;
+    coupling += e * i;
+  }
+  condensed_.assign(condensed, 0.0);
+  symmetric_.clear();
+  m_ei_.assign(coupling, 0.0);
+  m_ie_.assign(coupling, 0.0);
+}
+
 std::span<const double> ContactCells::matrix(const std::vector<double>& pool, Index p) const {
-  const std::size_t e = static_cast<std::size_t>(dim_) * cells_[p].n_ext;
+  const auto e = static_cast<std::size_t>(block_size(p));
   return {&pool[cells_[p].condensed], e * e};
 }
 
@@ -163,7 +179,7 @@ void ContactCells::add_momentum(const MechanicalState& state, std::span<const do
 void ContactCells::blocks(Index p, std::span<const physics::ContactLinearisation> law, SaddleBlocks& m) const {
   const Cell& cell = cells_[p];
   const auto faces = cell_faces_[p];
-  const int d = dim_, ne = d * cell.n_ext, nodes = d * cell.n_nodes, nb = d * cell.n_faces, n = nodes + nb;
+  const int d = dim_, ne = block_size(p), nodes = d * cell.n_nodes, nb = d * cell.n_faces, n = nodes + nb;
   const ConstMap k(&stiffness_[cell.stiffness], n, n);
   m.ee.setZero(ne, ne);
   m.ee.topLeftCorner(nodes, nodes) = k.topLeftCorner(nodes, nodes);
@@ -188,6 +204,75 @@ void ContactCells::blocks(Index p, std::span<const physics::ContactLinearisation
     m.ii.block(nb + d * f, d * f, d, d) = d_jump;
     m.ii.block(nb + d * f, nb + d * f, d, d) = contact.area * law[faces[f]].d_lam.topLeftCorner(d, d);
   }
+  if (!fluid_.empty()) add_fluid_blocks(p, m);
+}
+
+void ContactCells::add_fluid_blocks(Index p, SaddleBlocks& m) const {
+  const Cell& cell = cells_[p];
+  const ContactFluid& fluid = fluid_[p];
+  const int d = dim_, q_K = d * cell.n_ext, nodes = d * cell.n_nodes, nb = d * cell.n_faces;
+  const Eigen::Map<const Eigen::VectorXd> biot(fluid.biot.data(), nodes + nb);
+  m.ee.col(q_K).head(nodes) = -biot.head(nodes);
+  m.ee.row(q_K).head(nodes) = biot.head(nodes);
+  m.ie.col(q_K).head(nb) = -biot.tail(nb);
+  m.ei.row(q_K).head(nb) = biot.tail(nb);
+  if (fluid.unknowns.size() == 1) return;  // fractures carry no fluid
+  const auto faces = cell_faces_[p];
+  const auto add_row = [&](int row, int f, const Eigen::VectorXd& gradient) {  // d row/d(J_sigma), Cartesian
+    const double* j = &jump_[cell.jump + static_cast<std::size_t>(f) * cell.n_ext];
+    for (int e = 0; e < cell.n_ext; ++e) m.ee.row(row).segment(d * e, d) += j[e] * gradient.transpose();
+    m.ei.row(row).segment(d * f, d) += gradient.transpose();
+  };
+  for (int f = 0; f < cell.n_faces; ++f) {
+    const ContactFace& contact = faces_[faces[f]];
+    const ApertureLinearisation& aperture = apertures_[faces[f]];
+    const double* j = &jump_[cell.jump + static_cast<std::size_t>(f) * cell.n_ext];
+    const Eigen::VectorXd push = contact.area * contact.frame.row(0).head(d).transpose();
+    for (int e = 0; e < cell.n_ext; ++e) m.ee.col(q_K + 1 + f).segment(d * e, d) = j[e] * push;
+    m.ie.col(q_K + 1 + f).segment(d * f, d) = push;
+    const Eigen::VectorXd gradient = (contact.frame.transpose() * aperture.d_jump).head(d);
+    add_row(q_K + 1 + f, f, contact.area * gradient);
+    for (std::size_t k = 0; k < aperture.rows.size(); ++k) {
+      const auto at = std::find(fluid.unknowns.begin(), fluid.unknowns.end(), aperture.rows[k]);
+      add_row(q_K + static_cast<int>(at - fluid.unknowns.begin()), f, aperture.values[k] * gradient);
+    }
+  }
+}
+
+void ContactCells::add_fluid_forces(std::span<const double> q, std::span<double> nodal, std::span<double> bubble) const {
+  for (Index p = 0; p < size(); ++p) {
+    const Cell& cell = cells_[p];
+    const ContactFluid& fluid = fluid_[p];
+    const auto external = external_[p];
+    const auto faces = cell_faces_[p];
+    const double q_K = q[fluid.unknowns[0]];
+    for (int s = 0; s < cell.n_nodes; ++s)
+      for (int a = 0; a < dim_; ++a) nodal[static_cast<std::size_t>(dim_) * external[s] + a] -= fluid.biot[dim_ * s + a] * q_K;
+    for (int f = 0; f < cell.n_faces; ++f) {
+      const ContactFace& contact = faces_[faces[f]];
+      const double q_f = fluid.unknowns.size() > 1 ? q[fluid.unknowns[1 + f]] : 0.0;
+      const double* j = &jump_[cell.jump + static_cast<std::size_t>(f) * cell.n_ext];
+      for (int a = 0; a < dim_; ++a) {
+        const double push = contact.area * q_f * contact.frame(0, a);
+        for (int e = 0; e < cell.n_ext; ++e) nodal[static_cast<std::size_t>(dim_) * external[e] + a] += j[e] * push;
+        bubble[static_cast<std::size_t>(dim_) * faces[f] + a] += push - fluid.biot[dim_ * (cell.n_nodes + f) + a] * q_K;
+      }
+    }
+  }
+}
+
+double ContactCells::pore_volume(Index p, const MechanicalState& state) const {
+  const Cell& cell = cells_[p];
+  const auto external = external_[p];
+  const auto faces = cell_faces_[p];
+  double volume = 0;
+  for (int a = 0; a < dim_; ++a) {
+    for (int s = 0; s < cell.n_nodes; ++s)
+      volume += fluid_[p].biot[dim_ * s + a] * state.nodal[static_cast<std::size_t>(dim_) * external[s] + a];
+    for (int f = 0; f < cell.n_faces; ++f)
+      volume += fluid_[p].biot[dim_ * (cell.n_nodes + f) + a] * state.bubble[static_cast<std::size_t>(dim_) * faces[f] + a];
+  }
+  return volume;
 }
 
 ContactCells::SaddleBlocks ContactCells::saddle_blocks(Index p, std::span<const physics::ContactLinearisation> law) const {
@@ -213,7 +298,7 @@ void ContactCells::condense(std::span<const physics::ContactLinearisation> law, 
   for (Index p = 0; p < size(); ++p) {
     const Cell& cell = cells_[p];
     const auto faces = cell_faces_[p];
-    const int ne = dim_ * cell.n_ext, ni = 2 * dim_ * cell.n_faces;
+    const int ne = block_size(p), ni = 2 * dim_ * cell.n_faces;
     Eigen::VectorXd scale = Eigen::VectorXd::Ones(ni);
     for (int f = 0; f < cell.n_faces; ++f) scale.segment(ni / 2 + dim_ * f, dim_).setConstant(faces_[faces[f]].stiffness);
     blocks(p, law, m);
@@ -243,15 +328,18 @@ Eigen::VectorXd ContactCells::internal_residual(Index p, std::span<const double>
   return r;
 }
 
-void ContactCells::condense_residual(std::span<const double> bubble, std::span<const double> contact, std::span<double> nodal) const {
+void ContactCells::condense_residual(std::span<const double> bubble, std::span<const double> contact, std::span<double> nodal,
+                                     std::span<double> flow) const {
   for (Index p = 0; p < size(); ++p) {
     const Cell& cell = cells_[p];
-    const int ne = dim_ * cell.n_ext, ni = 2 * dim_ * cell.n_faces;
+    const int ne = block_size(p), ni = 2 * dim_ * cell.n_faces;
     const Eigen::VectorXd r = ConstMap(&m_ei_[cell.coupling], ne, ni) *
                               (ConstMap(&inverse_[cell.internal], ni, ni) * internal_residual(p, bubble, contact));
     const auto external = external_[p];
     for (int e = 0; e < cell.n_ext; ++e)
       for (int a = 0; a < dim_; ++a) nodal[static_cast<std::size_t>(dim_) * external[e] + a] -= r[dim_ * e + a];
+    const auto unknowns = pressures(p);
+    for (std::size_t k = 0; k < unknowns.size(); ++k) flow[unknowns[k]] -= r[dim_ * cell.n_ext + static_cast<int>(k)];
   }
 }
 
@@ -260,10 +348,12 @@ void ContactCells::recover(std::span<const double> bubble, std::span<const doubl
     const Cell& cell = cells_[p];
     const auto external = external_[p];
     const auto faces = cell_faces_[p];
-    const int ne = dim_ * cell.n_ext, nb = dim_ * cell.n_faces;
+    const int ne = block_size(p), nb = dim_ * cell.n_faces;
     Eigen::VectorXd v(ne);
     for (int e = 0; e < cell.n_ext; ++e)
       for (int a = 0; a < dim_; ++a) v[dim_ * e + a] = delta.nodal[static_cast<std::size_t>(dim_) * external[e] + a];
+    const auto unknowns = pressures(p);
+    for (std::size_t k = 0; k < unknowns.size(); ++k) v[dim_ * cell.n_ext + static_cast<int>(k)] = delta.pressure[unknowns[k]];
     const Eigen::VectorXd i = ConstMap(&inverse_[cell.internal], 2 * nb, 2 * nb) *
                               (internal_residual(p, bubble, contact) - ConstMap(&m_ie_[cell.coupling], 2 * nb, ne) * v);
     for (int f = 0; f < cell.n_faces; ++f)

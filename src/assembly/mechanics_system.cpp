@@ -69,10 +69,11 @@ Csr matrix_graph(const mesh::DistributedMesh& mesh, const ContactCells& contact)
   return graph;
 }
 
-/// Adds a dense block over `copies` to the matrix; prescribed components keep their diagonal entry only.
+/// Adds a dense block over `copies`, the leading part of rows of `width` entries, to the matrix; prescribed components keep their diagonal
+/// entry only.
 void add_block(la::BlockMatrix& matrix, int dim, std::span<const Index> copies, std::span<const char> fixed,
-               std::span<const double> block) {
-  const int n = static_cast<int>(copies.size()), width = dim * n;
+               std::span<const double> block, int width) {
+  const int n = static_cast<int>(copies.size());
   const bool any_fixed = std::any_of(copies.begin(), copies.end(), [&](Index copy) {
     return std::any_of(&fixed[static_cast<std::size_t>(dim) * copy], &fixed[static_cast<std::size_t>(dim) * copy] + dim, [](char c) { return c != 0; });
   });
@@ -148,7 +149,7 @@ void MechanicsSystem::assemble_bulk() {
     const std::size_t n = static_cast<std::size_t>(dim) * vem.size();
     local.resize(n * n);
     physics::local_stiffness(dim, vem, moduli_[cell], physics::stabilisation_factor(moduli_[cell], problem_.stabilisation), local);
-    add_block(*matrix_, dim, mesh_.mesh.copies_of(cell), fixed(), local);
+    add_block(*matrix_, dim, mesh_.mesh.copies_of(cell), fixed(), local, static_cast<int>(n));
   }
   for (Index p = 0; p < cells_.size(); ++p)
     for (Index copy : cells_.external(p))
@@ -174,7 +175,7 @@ void MechanicsSystem::write_contact_rows(MatrixContent content) {
   if (content != MatrixContent::bulk)
     for (Index p = 0; p < cells_.size(); ++p)
       add_block(*matrix_, mesh_.mesh.dim, cells_.external(p), fixed(),
-                content == MatrixContent::exact ? cells_.block(p) : cells_.symmetric_block(p));
+                content == MatrixContent::exact ? cells_.block(p) : cells_.symmetric_block(p), cells_.block_size(p));
   matrix_->end_writing();
   content_ = content;
 }
@@ -226,7 +227,7 @@ void MechanicsSystem::impose_dirichlet(Vec x) const {
 }
 
 void MechanicsSystem::set_previous_jumps(Vec x) {
-  layout_.gather(x, work_);
+  gather(x, work_);
   for (Index f = 0; f < mesh_.fractures.local(); ++f)
     if (cells_.faces()[f].cell >= 0) previous_[f] = cells_.jump(f, work_);
 }
@@ -241,7 +242,7 @@ physics::ContactLaw MechanicsSystem::law_of(Index face) const {
 }
 
 double MechanicsSystem::update_lagged_friction(Vec x, double weight) {
-  layout_.gather(x, work_);
+  gather(x, work_);
   lagged_bounds_.resize(static_cast<std::size_t>(mesh_.fractures.local()), 0.0);
   double change = 0, largest = 0;
   for (Index face = 0; face < mesh_.fractures.local(); ++face) {
@@ -268,7 +269,7 @@ void MechanicsSystem::add_blocks(std::span<const double> x, std::span<double> y,
   for (Index p = 0; p < cells_.size(); ++p) {
     if (difference_only && !cells_.differs(p)) continue;
     const auto copies = cells_.external(p);
-    const std::size_t n = static_cast<std::size_t>(dim) * copies.size();
+    const std::size_t n = static_cast<std::size_t>(dim) * copies.size(), width = static_cast<std::size_t>(cells_.block_size(p));
     local.resize(n);
     for (std::size_t j = 0; j < n; ++j) {
       const std::size_t global = static_cast<std::size_t>(dim) * copies[j / dim] + j % dim;
@@ -281,9 +282,9 @@ void MechanicsSystem::add_blocks(std::span<const double> x, std::span<double> y,
       if (static_cast<Index>(row) >= layout_.nodal_size() || fixed()[row]) continue;
       double sum = 0;
       if (difference_only)
-        for (std::size_t j = 0; j < n; ++j) sum += (exact[i * n + j] - symmetric[i * n + j]) * local[j];
+        for (std::size_t j = 0; j < n; ++j) sum += (exact[i * width + j] - symmetric[i * width + j]) * local[j];
       else
-        for (std::size_t j = 0; j < n; ++j) sum += (stored_exact ? exact : symmetric)[i * n + j] * local[j];
+        for (std::size_t j = 0; j < n; ++j) sum += (stored_exact ? exact : symmetric)[i * width + j] * local[j];
       y[row] += sign * sum;
     }
   }
@@ -303,7 +304,7 @@ void MechanicsSystem::add_bulk(Vec nodal_free, std::span<double> rows) const {
 void MechanicsSystem::momentum_action(Vec y, Vec r) const { momentum_rows(y, {}, r); }
 
 void MechanicsSystem::momentum_rows(Vec y, std::span<const double> fracture_pressure, Vec r) const {
-  layout_.gather(y, work_);
+  gather(y, work_);
   {
     const VecWrite free(nodal_in_);
     for (Index i = 0; i < layout_.nodal_size(); ++i) free[i] = fixed()[i] ? 0.0 : work_.nodal[i];
@@ -316,7 +317,7 @@ void MechanicsSystem::momentum_rows(Vec y, std::span<const double> fracture_pres
   cells_.add_momentum(work_, fracture_pressure, rows.nodal, rows.bubble);
   for (Index i = 0; i < layout_.nodal_size(); ++i)
     if (fixed()[i]) rows.nodal[i] = work_.nodal[i];
-  layout_.scatter(rows, r);
+  scatter(rows, r);
 }
 
 void MechanicsSystem::residual(Vec x, Vec f) const {
@@ -335,8 +336,8 @@ void MechanicsSystem::residual(Vec x, Vec f) const {
 
 ContactLine MechanicsSystem::contact_line(Vec x, Vec y) const {
   ContactLine line;
-  layout_.gather(x, work_);
-  layout_.gather(y, work2_);
+  gather(x, work_);
+  gather(y, work2_);
   for (Index face = 0; face < mesh_.fractures.owned; ++face) {
     line.at.push_back(point(face, work_));
     line.direction.push_back(point(face, work2_));
@@ -371,7 +372,7 @@ void MechanicsSystem::set_contact_rows(const ContactLine& line, double alpha, Ve
 }
 
 ResidualNorms MechanicsSystem::norms(Vec x, Vec f) const {
-  layout_.gather(x, work_);
+  gather(x, work_);
   const VecRead rows(f);
   std::array<double, 3> squares{};
   for (Index i = 0; i < layout_.multiplier_start(); ++i)
@@ -389,7 +390,7 @@ ResidualNorms MechanicsSystem::norms(Vec x, Vec f) const {
 }
 
 std::vector<ContactState> MechanicsSystem::states(Vec x) const {
-  layout_.gather(x, work_);
+  gather(x, work_);
   std::vector<ContactState> states;
   for (Index face = 0; face < mesh_.fractures.owned; ++face)
     states.push_back(physics::contact_state(law_of(face), point(face, work_), augmentation(face)));
@@ -404,7 +405,7 @@ StateCounts MechanicsSystem::count(std::span<const ContactState> states) const {
 }
 
 void MechanicsSystem::linearise(Vec x, MatrixContent content) {
-  layout_.gather(x, work_);
+  gather(x, work_);
   const Index n = mesh_.fractures.local();
   std::vector<ContactLinearisation> symmetric(static_cast<std::size_t>(n));
   std::vector<char> differs(static_cast<std::size_t>(n), 0);
@@ -444,21 +445,21 @@ void MechanicsSystem::apply_condensed(Vec x, Vec y) const {
 }
 
 void MechanicsSystem::condense_residual(Vec f, Vec nodal) const {
-  layout_.gather(f, work_);
+  gather(f, work_);
   cells_.condense_residual(work_.bubble, work_.multiplier, work_.nodal);
   const VecWrite rows(nodal);
   for (Index i = 0; i < layout_.nodal_size(); ++i) rows[i] = fixed()[i] ? 0.0 : work_.nodal[i];
 }
 
 void MechanicsSystem::recover(Vec f, Vec nodal, Vec direction) const {
-  layout_.gather(f, work_);
+  gather(f, work_);
   {
     const VecRead a(nodal);
     for (Index i = 0; i < layout_.nodal_size(); ++i) work2_.nodal[i] = fixed()[i] ? 0.0 : a[i];
   }
   layout_.copy_halo().owner_to_ghost(work2_.nodal, layout_.dim());
   cells_.recover(work_.bubble, work_.multiplier, work2_);
-  layout_.scatter(work2_, direction);
+  scatter(work2_, direction);
 }
 
 }  // namespace polyslip::assembly

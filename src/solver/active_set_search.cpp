@@ -149,6 +149,7 @@ PetscErrorCode apply(SNESLineSearch search_object) {
     PetscCall(VecAXPY(x, -alpha, y));
     PetscCallCXX(system.set_contact_rows(line, alpha, f));
   }
+  if (!system.is_linear_off_contact()) PetscCall(SNESComputeFunction(snes, x, f));
   trace->step_length = alpha;
   PetscCallCXX(trace->advance(x, merit, static_cast<int>(options->revisits)));
   PetscCall(SNESLineSearchSetLambda(search_object, alpha));

@@ -22,8 +22,8 @@ struct ContactNewton::Rung {
   const char* remedy;
 };
 
-ContactNewton::ContactNewton(MechanicsSystem& system)
-    : system_(system), residual_(system.layout().create_vector()), start_(system.layout().create_vector()), lagged_(system.layout().create_vector()) {
+ContactNewton::ContactNewton(MechanicsSystem& system, std::unique_ptr<DirectionSolver> linear)
+    : system_(system), linear_(std::move(linear)), residual_(system.create_vector()), start_(system.create_vector()), lagged_(system.create_vector()) {
   trace_.system = &system;
   set_up();
 }
@@ -56,8 +56,8 @@ void ContactNewton::set_up() {
 }
 
 void ContactNewton::set_up_condensed() {
-  linear_ = std::make_unique<LinearSolver>(system_);
-  const Index n = system_.layout().size();
+  if (!linear_) linear_ = std::make_unique<LinearSolver>(system_);
+  const Index n = system_.size();
   POLYSLIP_PETSC(MatCreateShell(system_.mesh().comm, n, n, PETSC_DETERMINE, PETSC_DETERMINE, this, jacobian_.put()));
   KSP ksp = nullptr;
   PC pc = nullptr;
@@ -116,7 +116,7 @@ PetscErrorCode ContactNewton::apply_condensation(PC pc, Vec f, Vec direction) {
   PetscCall(SNESGetIterationNumber(self->snes_, &iteration));
   const double faces = self->system_.fracture_faces();
   const bool moves = faces > 0 && (iteration == 0 || static_cast<double>(self->trace_.changed) > 0.01 * faces);
-  PetscCall(self->linear_->solve(f, direction, 0.1 * rtol * self->norms_.momentum_scale, moves));
+  PetscCall(self->linear_->solve(f, direction, self->norms_, rtol, moves));
   if (self->linear_->failed()) PetscCall(PCSetFailedReason(pc, PC_SUBPC_ERROR));  // SNES then ends with a failed linear solve
   PetscFunctionReturn(0);
 }
@@ -136,11 +136,12 @@ PetscErrorCode ContactNewton::test_convergence(SNES snes, PetscInt iteration, Pe
   const assembly::ResidualNorms& n = self->norms_;
   PetscCallCXX(self->record(static_cast<int>(iteration), n));
   *reason = SNES_CONVERGED_ITERATING;
-  if (!std::isfinite(n.momentum) || !std::isfinite(n.contact)) {
+  if (!std::isfinite(n.momentum) || !std::isfinite(n.contact) || !std::isfinite(n.flow)) {
     *reason = SNES_DIVERGED_FNORM_NAN;
   } else if (iteration > 0 && self->linear_ && self->linear_->failed()) {
     *reason = SNES_DIVERGED_LINEAR_SOLVE;
-  } else if (n.momentum <= std::max(atol, rtol * n.momentum_scale) && n.contact <= std::max(atol, rtol * n.contact_scale)) {
+  } else if (n.momentum <= std::max(atol, rtol * n.momentum_scale) && n.contact <= std::max(atol, rtol * n.contact_scale) &&
+             n.flow <= rtol * n.flow_scale) {
     *reason = SNES_CONVERGED_FNORM_RELATIVE;
   } else if (self->trace_.cycle || self->is_unsettled(static_cast<int>(iteration))) {
     *reason = SNES_DIVERGED_LINE_SEARCH;

@@ -24,13 +24,6 @@ PetscErrorCode apply_exact(Mat shell, Vec x, Vec y) {
   PetscFunctionReturn(0);
 }
 
-/// Sets an option of the database unless the user has set it.
-void default_option(const std::string& name, const char* value) {
-  PetscBool set = PETSC_FALSE;
-  POLYSLIP_PETSC(PetscOptionsHasName(nullptr, nullptr, name.c_str(), &set));
-  if (!set) POLYSLIP_PETSC(PetscOptionsSetValue(nullptr, name.c_str(), value));
-}
-
 bool user_sets(const char* name) {
   PetscBool set = PETSC_FALSE;
   POLYSLIP_PETSC(PetscOptionsHasName(nullptr, prefix, name, &set));
@@ -174,25 +167,19 @@ bool LinearSolver::update_hierarchy() {
 PetscErrorCode LinearSolver::run(double rtol, double target) {
   PetscFunctionBeginUser;
   PetscReal user_rtol = 0, dtol = 0;
-  PetscInt max_it = 0, its = 0;
-  KSPConvergedReason reason = KSP_CONVERGED_ITERATING;
+  PetscInt max_it = 0;
   PetscCall(KSPGetTolerances(ksp_, &user_rtol, nullptr, &dtol, &max_it));
   PetscCall(KSPSetTolerances(ksp_, std::max(rtol, user_rtol), target, dtol, max_it));
   PetscCall(KSPSolve(ksp_, rhs_, solution_));
   PetscCall(KSPSetTolerances(ksp_, user_rtol, target, dtol, max_it));
-  PetscCall(KSPGetConvergedReason(ksp_, &reason));
-  PetscCall(KSPGetIterationNumber(ksp_, &its));
-  failed_ = reason < 0 && reason != KSP_DIVERGED_ITS;
-  last_iterations_ = static_cast<int>(its);
+  PetscCall(count(ksp_));
   if (iterations_after_setup_ < 0) iterations_after_setup_ = last_iterations_;
-  counts_.iterations += last_iterations_;
-  counts_.max_per_solve = std::max(counts_.max_per_solve, last_iterations_);
   PetscFunctionReturn(0);
 }
 
-PetscErrorCode LinearSolver::solve(Vec f, Vec direction, double target, bool loose) {
+PetscErrorCode LinearSolver::solve(Vec f, Vec direction, const assembly::ResidualNorms& norms, double newton_rtol, bool loose) {
   PetscFunctionBeginUser;
-  const double rtol = loose && !factorises_ ? loose_rtol_ : 0.0;
+  const double rtol = loose && !factorises_ ? loose_rtol_ : 0.0, target = 0.1 * newton_rtol * norms.momentum_scale;
   PetscCallCXX(system_.condense_residual(f, rhs_));
   PetscCall(run(rtol, target));
   if (failed_ && is_reused_) {

@@ -11,6 +11,16 @@
 //
 // with the jump J_sigma v = sum_e j_e v_e + v_{Ksigma}, the face frame R (rows n^+, t_1, t_2) and the derivatives D_J, D_lam of the contact law.
 // Condensed block: C = M_EE - M_EI M_II^{-1} M_IE, for any contact state.
+//
+// With fluid (attach_fluid) E ends with pressures: q_K, then q_sigma^f of each of its fracture faces, then other flow unknowns whose
+// rows depend on the apertures (if conductivities are those of the end of the step). With D_d = d d_f/dJ (1 x dim, in the frame):
+//
+//            E (nodal)                    bubble                       pressure
+//   E    |                                                             -b|K| c_e (q_K),  |sigma| j_e n^+ (q_f)
+//   b    |                                                             -b|K| c_b (q_K),  |sigma| n^+ (q_f)
+//   q_K  |  b|K| c_e                      b|K| c_b                     0: storage and fluxes are the flow system's
+//   q_f  |  |sigma| D_d R j_e             |sigma| D_d R                0
+//   row  |  dt d(Hq)_row/d d_f D_d R j_e  dt d(Hq)_row/d d_f D_d R     0
 #pragma once
 
 #include <span>
@@ -21,6 +31,19 @@
 #include "polyslip/physics/elasticity.hpp"
 
 namespace polyslip::assembly {
+
+/// The fluid of a + cell; all local numbers are those of the flow unknowns.
+struct ContactFluid {
+  std::vector<Index> unknowns;  ///< q_K, q_sigma^f by position of the face (none where fractures carry no fluid), other rows.
+  std::vector<double> biot;     ///< b|K| c_j over nodes and bubbles, dim components each [m2; 2D: m].
+};
+
+/// How an aperture and what depends on it changes with the jump of a face.
+struct ApertureLinearisation {
+  Vec3 d_jump = Vec3::Zero();                 ///< D_d, in the frame of the face [-]
+  std::vector<Index> rows;                    ///< Flow unknowns whose rows depend on the aperture beyond storage.
+  std::vector<double> values;                 ///< dt d(Hq)_row/d d_f [m2; 2D: m]
+};
 
 /// What stays of a fracture face: geometry, law, the natural size of beta. One a local fracture face that belongs to a + cell here.
 struct ContactFace {
@@ -45,6 +68,22 @@ class ContactCells {
   [[nodiscard]] std::span<ContactFace> faces() { return faces_; }
   [[nodiscard]] std::span<const Index> faces_of(Index p) const { return cell_faces_[p]; }  ///< Local fracture faces, by position.
 
+  /// Adds fluid to the + cells, one entry a cell.
+  void attach_fluid(std::vector<ContactFluid> fluid);
+  /// Flow unknowns of E, local numbers; empty without fluid.
+  [[nodiscard]] std::span<const Index> pressures(Index p) const {
+    return fluid_.empty() ? std::span<const Index>{} : std::span<const Index>(fluid_[p].unknowns);
+  }
+  [[nodiscard]] const ContactFluid& fluid(Index p) const { return fluid_[p]; }
+  /// Rows (and columns) of a condensed block.
+  [[nodiscard]] int block_size(Index p) const { return dim_ * cells_[p].n_ext + static_cast<int>(pressures(p).size()); }
+  /// For the next condensation, by local fracture face.
+  void set_apertures(std::vector<ApertureLinearisation> apertures) { apertures_ = std::move(apertures); }
+  /// What the fluid at the pressures q (local flow unknowns) does to the momentum rows of all + cells: added to nodal and bubble rows.
+  void add_fluid_forces(std::span<const double> q, std::span<double> nodal, std::span<double> bubble) const;
+  /// b|K| div_K of a state in a + cell [m3; 2D: m2].
+  [[nodiscard]] double pore_volume(Index p, const MechanicalState& state) const;
+
   /// J_sigma of a state on a fracture face, in its frame [m].
   [[nodiscard]] Vec3 jump(Index face, const MechanicalState& state) const;
 
@@ -63,7 +102,9 @@ class ContactCells {
   [[nodiscard]] bool differs(Index p) const { return cell_differs_[p] != 0; }
 
   /// Right-hand side: adds -M_EI M_II^{-1} r_I to the nodal rows (dim copies.local()); r_I by local fracture face, bubble and contact rows.
-  void condense_residual(std::span<const double> bubble, std::span<const double> contact, std::span<double> nodal) const;
+  /// With fluid also to the rows of the flow unknowns (local).
+  void condense_residual(std::span<const double> bubble, std::span<const double> contact, std::span<double> nodal,
+                         std::span<double> flow = {}) const;
   /// delta_I = M_II^{-1} (r_I - M_IE delta_E), for all faces of these cells.
   void recover(std::span<const double> bubble, std::span<const double> contact, MechanicalState& delta) const;
 
@@ -83,6 +124,7 @@ class ContactCells {
                 std::span<const Index> fracture_of_face);
   [[nodiscard]] std::span<const double> matrix(const std::vector<double>& pool, Index p) const;
   void blocks(Index p, std::span<const physics::ContactLinearisation> law, SaddleBlocks& m) const;
+  void add_fluid_blocks(Index p, SaddleBlocks& m) const;
   [[nodiscard]] Eigen::VectorXd internal_residual(Index p, std::span<const double> bubble, std::span<const double> contact) const;
 
   int dim_;
@@ -96,6 +138,8 @@ class ContactCells {
   std::vector<double> inverse_;    ///< M_II^{-1}
   std::vector<double> m_ei_, m_ie_;
   std::vector<char> cell_differs_;
+  std::vector<ContactFluid> fluid_;
+  std::vector<ApertureLinearisation> apertures_;
   bool any_difference_ = false;
 };
 

@@ -18,6 +18,7 @@ struct MechanicalState {
   std::vector<double> nodal;       ///< dim * copies.local() [m]
   std::vector<double> bubble;      ///< dim * fractures.local() [m]
   std::vector<double> multiplier;  ///< dim * fractures.local() [Pa]
+  std::vector<double> pressure;    ///< q of the local flow unknowns [Pa]; empty where there is no fluid.
 };
 
 class Layout {

@@ -26,6 +26,7 @@ struct ContactLine {
 /// Norms that convergence is judged by; independent of beta.
 struct ResidualNorms {
   double momentum = 0, momentum_scale = 0;  ///< [N]
+  double flow = 0, flow_scale = 1;          ///< Volumes of fluid [m3; 2D: m2]; 0 without fluid.
   double contact = 0, contact_scale = 0;    ///< With beta = (2 mu + lambda)/h_K, times |sigma| [N].
 };
 
@@ -38,6 +39,7 @@ class MechanicsSystem {
   enum class MatrixContent { bulk, symmetric, exact };  ///< What P holds: A, A + sum C_K^sym, A + sum C_K.
 
   MechanicsSystem(const mesh::DistributedMesh& mesh, const physics::MechanicsProblem& problem);
+  virtual ~MechanicsSystem() = default;
 
   [[nodiscard]] const mesh::DistributedMesh& mesh() const { return mesh_; }
   [[nodiscard]] const physics::MechanicsProblem& problem() const { return problem_; }
@@ -47,10 +49,16 @@ class MechanicsSystem {
   [[nodiscard]] std::span<const physics::Lame> moduli() const { return moduli_; }
   [[nodiscard]] GlobalIndex fracture_faces() const { return mesh_.fractures.total; }
 
+  // What a coupled system adds to: its vectors end with the pressures.
+  [[nodiscard]] virtual la::Handle<Vec> create_vector() const { return layout_.create_vector(); }
+  [[nodiscard]] virtual Index size() const { return layout_.size(); }  ///< Owned entries of such a vector.
+  /// Whether all rows but those of contact are linear (then a line search need not evaluate them again).
+  [[nodiscard]] virtual bool is_linear_off_contact() const { return true; }
+
   // --- the step ---
-  void set_loads(Loads loads);
+  virtual void set_loads(Loads loads);
   [[nodiscard]] const Loads& loads() const { return loads_; }
-  void impose_dirichlet(Vec x) const;
+  virtual void impose_dirichlet(Vec x) const;
   /// Friction is measured from the jumps of x from now on.
   void set_previous_jumps(Vec x);
   [[nodiscard]] std::span<const Vec3> previous_jumps() const { return previous_; }
@@ -69,22 +77,22 @@ class MechanicsSystem {
 
   // --- nonlinear rows ---
   /// f = all rows of the residual at x: momentum [N], contact rows times |sigma| [N], u - u_D on prescribed components.
-  void residual(Vec x, Vec f) const;
+  virtual void residual(Vec x, Vec f) const;
   /// r = momentum rows of the Jacobian times y (they are linear); 0 on contact rows.
-  void momentum_action(Vec y, Vec r) const;
+  virtual void momentum_action(Vec y, Vec r) const;
   [[nodiscard]] ContactLine contact_line(Vec x, Vec y) const;
   /// Sum of squares of the contact rows at x - alpha y, over all ranks [N2].
   [[nodiscard]] double contact_merit(const ContactLine& line, double alpha) const;
   /// Writes the contact rows at x - alpha y into f.
   void set_contact_rows(const ContactLine& line, double alpha, Vec f) const;
-  [[nodiscard]] ResidualNorms norms(Vec x, Vec f) const;
+  [[nodiscard]] virtual ResidualNorms norms(Vec x, Vec f) const;
   /// State of each owned fracture face.
   [[nodiscard]] std::vector<physics::ContactState> states(Vec x) const;
   [[nodiscard]] StateCounts count(std::span<const physics::ContactState> states) const;
 
   // --- linearisation ---
   /// Linearises the contact law at x and condenses; then writes P.
-  void linearise(Vec x, MatrixContent content);
+  virtual void linearise(Vec x, MatrixContent content);
   [[nodiscard]] Mat matrix() const { return matrix_->get(); }
   /// Rows of P (of this rank, global numbers) that linearise rewrites.
   [[nodiscard]] std::vector<PetscInt> changing_rows() const;
@@ -92,15 +100,22 @@ class MechanicsSystem {
   [[nodiscard]] bool matrix_is_exact() const { return matrix_is_exact_; }
   [[nodiscard]] bool is_symmetric() const { return symmetric_everywhere_; }
   /// y = (P + sum_K (C_K - C_K^sym)) x
-  void apply_condensed(Vec x, Vec y) const;
+  virtual void apply_condensed(Vec x, Vec y) const;
   /// Nodal right-hand side of the condensed system for the residual f.
-  void condense_residual(Vec f, Vec nodal) const;
+  virtual void condense_residual(Vec f, Vec nodal) const;
   /// All components of the Newton direction from its nodal part.
-  void recover(Vec f, Vec nodal, Vec direction) const;
+  virtual void recover(Vec f, Vec nodal, Vec direction) const;
 
   /// Contact laws linearised last, by local fracture face.
   [[nodiscard]] std::span<const physics::ContactLinearisation> linearised_law() const { return law_; }
   [[nodiscard]] const std::vector<char>& fixed() const { return load_assembler_.fixed(); }
+
+ protected:
+  /// Vec to local arrays with ghosts, and back (owned).
+  virtual void gather(Vec x, MechanicalState& state) const { layout_.gather(x, state); }
+  virtual void scatter(const MechanicalState& state, Vec x) const { layout_.scatter(state, x); }
+  [[nodiscard]] ContactCells& cells() { return cells_; }
+  [[nodiscard]] MatrixContent content() const { return content_; }
 
  private:
   void assemble_bulk();

@@ -20,6 +20,7 @@ struct NewtonRecord {
   int iteration = 0;          ///< 0: the start
   double momentum = 0;        ///< Relative to loads and contact forces.
   double contact = 0;         ///< Relative to contact forces.
+  double flow = 0;            ///< Relative to the volumes that move; 0 without fluid.
   assembly::StateCounts counts;
   long long changed = 0;
   double step_length = 1;
@@ -40,7 +41,8 @@ struct NewtonSeconds {
 
 class ContactNewton {
  public:
-  explicit ContactNewton(assembly::MechanicsSystem& system);
+  /// With the linear solver of the condensed formulation where a system needs another than LinearSolver.
+  explicit ContactNewton(assembly::MechanicsSystem& system, std::unique_ptr<DirectionSolver> linear = nullptr);
   ~ContactNewton();
 
   /// Solves for the loads of the system, from x and into x; x is as it was where no remedy helps.
@@ -74,7 +76,7 @@ class ContactNewton {
 
   assembly::MechanicsSystem& system_;
   ActiveSetTrace trace_;
-  std::unique_ptr<LinearSolver> linear_;  ///< Condensed formulation only.
+  std::unique_ptr<DirectionSolver> linear_;  ///< Condensed formulation only.
   la::Handle<SNES> snes_;
   la::Handle<Mat> jacobian_;  ///< Shell (condensed) or assembled (saddle).
   la::Handle<Vec> residual_, start_, lagged_;

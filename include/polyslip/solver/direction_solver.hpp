@@ -1,0 +1,48 @@
+// What a Newton iteration on a condensed system asks of its linear solver.
+#pragma once
+
+#include <string>
+
+#include "polyslip/assembly/mechanics_system.hpp"
+
+namespace polyslip::solver {
+
+struct LinearCounts {
+  int iterations = 0;      ///< Krylov iterations of all solves.
+  int max_per_solve = 0;
+  int setups = 0;          ///< Preconditioner set-ups; updates of a hierarchy near the fractures do not count.
+  int factorisations = 0;  ///< Those that factorise the whole matrix.
+};
+
+class DirectionSolver {
+ public:
+  virtual ~DirectionSolver() = default;
+
+  /// What `linearise` must write into the matrix for this solver.
+  [[nodiscard]] virtual assembly::MechanicsSystem::MatrixContent content() const = 0;
+  /// Tells that the matrix has changed; `states` of the owned faces, `everywhere` if it changed on faces that kept their state too.
+  virtual void matrix_changed(const std::vector<physics::ContactState>& states, bool everywhere) = 0;
+  /// direction = J^{-1} f, to what `norms` at a relative tolerance rtol ask for; `loose`: not so far, for steps after which the active set
+  /// is likely to change anyway.
+  virtual PetscErrorCode solve(Vec f, Vec direction, const assembly::ResidualNorms& norms, double rtol, bool loose) = 0;
+
+  /// Sentence for the log: what was chosen and why.
+  [[nodiscard]] virtual const std::string& choice() const = 0;
+  [[nodiscard]] const LinearCounts& counts() const { return counts_; }
+  [[nodiscard]] int last_iterations() const { return last_iterations_; }
+  /// Whether the last solve broke down (an inexact one that only ran out of iterations is no failure).
+  [[nodiscard]] bool failed() const { return failed_; }
+
+ protected:
+  /// Books a solve that ksp has done.
+  PetscErrorCode count(KSP ksp);
+
+  LinearCounts counts_;
+  int last_iterations_ = 0;
+  bool failed_ = false;
+};
+
+/// Sets an option of the database unless the user has set it.
+void default_option(const std::string& name, const char* value);
+
+}  // namespace polyslip::solver
