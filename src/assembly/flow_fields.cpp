@@ -21,7 +21,8 @@ class Gradients {
     hfv_.build(cell);
     faces_.clear();
     for (Index face : mesh.mesh.cell_faces[cell])
-      faces_.push_back(q_[system_.layout().trace(mesh.flow.face_traces[face][mesh.mesh.face_cells[face][0] == cell ? 0 : 1])]);
+      faces_.push_back(system_.fluxes().pressure(
+          q_, system_.layout().trace(mesh.flow.face_traces[face][mesh.mesh.face_cells[face][0] == cell ? 0 : 1])));
     return hfv_.gradient(q_[system_.layout().cell(cell)], faces_);
   }
   Vec3 in_fracture_face(Index f) {

@@ -1,6 +1,7 @@
 #include "polyslip/assembly/flow_operator.hpp"
 
 #include <algorithm>
+#include <numeric>
 
 #include "polyslip/common/mpi.hpp"
 
@@ -39,8 +40,13 @@ Csr graph_of_groups(const Csr& groups, Index owned, Index local) {
 }  // namespace
 
 FlowOperator::FlowOperator(const mesh::DistributedMesh& mesh, const FlowLayout& layout,
-                           std::span<const physics::HydraulicProperties> rock, double viscosity)
-    : mesh_(mesh), layout_(layout), points_(static_cast<std::size_t>(layout.size())) {
+                           std::span<const physics::HydraulicProperties> rock, double viscosity,
+                           std::span<const physics::FractureConductivity> fractures)
+    : mesh_(mesh),
+      layout_(layout),
+      drop_from_(static_cast<std::size_t>(layout.local_size()), -1),
+      points_(static_cast<std::size_t>(layout.size())) {
+  if (layout.with_fractures()) choose_drops(rock, viscosity, fractures);
   const mesh::Numbering& numbers = layout.numbering();
   matrix_ = std::make_unique<la::BlockMatrix>(la::BlockMatrix::Layout{mesh.comm, 1, numbers.owned, numbers.first, numbers.ghosts},
                                               graph());
@@ -49,20 +55,54 @@ FlowOperator::FlowOperator(const mesh::DistributedMesh& mesh, const FlowLayout& 
     assemble_rock(rock, viscosity);
     if (layout.with_fractures()) measure_fractures();
   });
-  keep_rock_rows();
+  if (layout.with_fractures()) keep_rock_rows();
   matrix_->end_writing();
+  if (!layout.with_fractures()) return;
   place_points();
+  set_conductivities(fractures);
 }
 
-void FlowOperator::cell_unknowns(Index cell, std::vector<Index>& unknowns) const {
-  unknowns.assign(1, layout_.cell(cell));
+void FlowOperator::choose_drops(std::span<const physics::HydraulicProperties> rock, double viscosity,
+                                std::span<const physics::FractureConductivity> fractures) {
+  std::vector<Index> is_conductive(drop_from_.size(), 0);
+  mpi::together(mesh_.comm, [&] {
+    spaces::HfvCell hfv(mesh_.mesh);
+    for (Index f = 0; f < mesh_.fractures.local(); ++f)
+      for (int side = 0; side < 2; ++side) {
+        const Index face = mesh_.fracture_faces[f], cell = mesh_.mesh.face_cells[face][side];
+        if (cell >= mesh_.cells.owned) continue;
+        hfv.build(cell);
+        const auto faces = mesh_.mesh.cell_faces[cell];
+        const spaces::HfvFace& seen = hfv.faces()[std::find(faces.begin(), faces.end(), face) - faces.begin()];
+        const double rock_side = seen.normal.dot(rock[cell].permeability * seen.normal) / (viscosity * seen.distance);
+        is_conductive[sides(f)[side]] = fractures[f].through > rock_side ? 1 : 0;
+      }
+  });
+  layout_.halo().owner_to_ghost(std::span<Index>(is_conductive));  // ranks may round differently
+  for (Index f = 0; f < mesh_.fractures.local(); ++f)
+    for (Index side : sides(f))
+      if (is_conductive[side] != 0) drop_from_[side] = layout_.fracture(f);
+}
+
+void FlowOperator::cell_element(Index cell, Element& element) const {
+  element.unknowns.assign(1, layout_.cell(cell));
   for (Index face : mesh_.mesh.cell_faces[cell])
-    unknowns.push_back(layout_.trace(mesh_.flow.face_traces[face][mesh_.mesh.face_cells[face][0] == cell ? 0 : 1]));
+    element.unknowns.push_back(layout_.trace(mesh_.flow.face_traces[face][mesh_.mesh.face_cells[face][0] == cell ? 0 : 1]));
+  const auto n = static_cast<Index>(element.unknowns.size());
+  element.rows.resize(element.unknowns.size());
+  std::iota(element.rows.begin(), element.rows.end(), 0);
+  for (Index i = 1; i < n; ++i) {
+    if (!is_drop(element.unknowns[i])) continue;
+    element.unknowns.push_back(drop_from_[element.unknowns[i]]);
+    element.rows.push_back(i);
+  }
 }
 
-void FlowOperator::fracture_unknowns(Index fracture_face, std::vector<Index>& unknowns) const {
-  unknowns.assign(1, layout_.fracture(fracture_face));
-  for (Index ridge : mesh_.flow.fracture_ridges[fracture_face]) unknowns.push_back(layout_.ridge(ridge));
+void FlowOperator::fracture_element(Index fracture_face, Element& element) const {
+  element.unknowns.assign(1, layout_.fracture(fracture_face));
+  for (Index ridge : mesh_.flow.fracture_ridges[fracture_face]) element.unknowns.push_back(layout_.ridge(ridge));
+  element.rows.resize(element.unknowns.size());
+  std::iota(element.rows.begin(), element.rows.end(), 0);
 }
 
 std::array<Index, 2> FlowOperator::sides(Index fracture_face) const {
@@ -76,52 +116,53 @@ bool FlowOperator::any_owned(std::span<const Index> unknowns) const {
 
 Csr FlowOperator::graph() const {
   Csr groups;
-  std::vector<Index> unknowns;
+  Element element;
   const auto add_group = [&](const auto& group) {
     if (any_owned(group)) groups.push_row(group);
   };
   for (Index cell = 0; cell < mesh_.mesh.n_cells(); ++cell) {
-    cell_unknowns(cell, unknowns);
-    add_group(unknowns);
+    cell_element(cell, element);
+    add_group(element.unknowns);
   }
   for (Index f = 0; layout_.with_fractures() && f < mesh_.fractures.local(); ++f) {
-    fracture_unknowns(f, unknowns);
-    add_group(unknowns);
-    for (Index side : sides(f)) add_group(std::array{layout_.fracture(f), side});
+    fracture_element(f, element);
+    add_group(element.unknowns);
+    for (Index side : sides(f))
+      if (!is_drop(side)) add_group(std::array{layout_.fracture(f), side});
   }
   return graph_of_groups(groups, layout_.size(), layout_.local_size());
 }
 
-void FlowOperator::add(std::span<const Index> unknowns, std::span<const double> block, double scale) {
-  const std::size_t n = unknowns.size();
-  for (std::size_t i = 0; i < n; ++i) {
-    if (unknowns[i] >= layout_.size()) continue;
-    for (std::size_t j = 0; j < n; ++j) {
-      const double value = scale * block[i * n + j];
-      matrix_->add(unknowns[i], unknowns[j], &value, 1);
+void FlowOperator::add(const Element& element, std::span<const double> block, std::size_t width, double scale) {
+  for (std::size_t i = 0; i < element.unknowns.size(); ++i) {
+    if (element.unknowns[i] >= layout_.size()) continue;
+    const double* row = &block[static_cast<std::size_t>(element.rows[i]) * width];
+    for (std::size_t j = 0; j < element.unknowns.size(); ++j) {
+      const double value = scale * row[element.rows[j]];
+      matrix_->add(element.unknowns[i], element.unknowns[j], &value, 1);
     }
   }
 }
 
 void FlowOperator::assemble_rock(std::span<const physics::HydraulicProperties> rock, double viscosity) {
   spaces::HfvCell hfv(mesh_.mesh);
-  std::vector<Index> unknowns;
+  Element element;
   std::vector<double> T, block;
   volumes_.resize(static_cast<std::size_t>(mesh_.cells.owned));
   for (Index cell = 0; cell < mesh_.mesh.n_cells(); ++cell) {
-    cell_unknowns(cell, unknowns);
-    if (!any_owned(unknowns)) continue;
+    cell_element(cell, element);
+    if (!any_owned(element.unknowns)) continue;
     hfv.build(cell);
-    const std::size_t n = unknowns.size() - 1;
+    const std::size_t n = hfv.faces().size();
     T.resize(n * n);
     block.resize((n + 1) * (n + 1));
     physics::local_transmissibilities(hfv, rock[cell].permeability / viscosity, T);
     physics::element_matrix(T, static_cast<int>(n), block);
-    add(unknowns, block, 1.0);
+    add(element, block, n + 1, 1.0);
     for (std::size_t i = 0; i < n; ++i)
-      if (unknowns[i + 1] < layout_.size()) points_[unknowns[i + 1]] = hfv.faces()[i].centre;
+      if (element.unknowns[i + 1] < layout_.size()) points_[element.unknowns[i + 1]] = hfv.faces()[i].centre;
     if (cell >= mesh_.cells.owned) continue;
-    points_[unknowns[0]] = hfv.centre();
+    points_[element.unknowns[0]] = hfv.centre();
     volumes_[cell] = hfv.measure();
   }
 }
@@ -140,13 +181,13 @@ void FlowOperator::measure_fractures() {
 }
 
 void FlowOperator::keep_rock_rows() {
-  if (!layout_.with_fractures()) return;
-  std::vector<Index> unknowns;
+  Element element;
   for (Index f = 0; f < mesh_.fractures.local(); ++f) {
-    fracture_unknowns(f, unknowns);
+    fracture_element(f, element);
     const auto both = sides(f);
-    unknowns.insert(unknowns.end(), both.begin(), both.end());
-    std::copy_if(unknowns.begin(), unknowns.end(), std::back_inserter(fracture_rows_), [&](Index i) { return i < layout_.size(); });
+    element.unknowns.insert(element.unknowns.end(), both.begin(), both.end());
+    std::copy_if(element.unknowns.begin(), element.unknowns.end(), std::back_inserter(fracture_rows_),
+                 [&](Index i) { return i < layout_.size(); });
   }
   std::sort(fracture_rows_.begin(), fracture_rows_.end());
   fracture_rows_.erase(std::unique(fracture_rows_.begin(), fracture_rows_.end()), fracture_rows_.end());
@@ -156,7 +197,6 @@ void FlowOperator::keep_rock_rows() {
 }
 
 void FlowOperator::place_points() {
-  if (!layout_.with_fractures()) return;
   const mesh::PolyMesh& m = mesh_.mesh;
   for (Index f = 0; f < mesh_.fractures.owned; ++f)
     points_[layout_.fracture(f)] = spaces::face_geometry(m, mesh_.fracture_faces[f]).centre;
@@ -179,15 +219,19 @@ void FlowOperator::set_conductivities(std::span<const physics::FractureConductiv
       std::copy_n(rock, values.size(), values.begin());
       rock += static_cast<std::ptrdiff_t>(values.size());
     }
-  std::vector<Index> unknowns;
+  Element element;
   std::vector<double> block;
   constexpr std::array<double, 4> exchange{1, -1, -1, 1};
   for (Index f = 0; f < static_cast<Index>(fractures.size()); ++f) {
-    fracture_unknowns(f, unknowns);
-    block.resize(unknowns.size() * unknowns.size());
-    physics::element_matrix(unit_transmissibilities(f), static_cast<int>(unknowns.size()) - 1, block);
-    add(unknowns, block, fractures[f].along);
-    for (Index side : sides(f)) add(std::array{layout_.fracture(f), side}, exchange, areas_[f] * fractures[f].through);
+    fracture_element(f, element);
+    const std::size_t width = element.unknowns.size();
+    block.resize(width * width);
+    physics::element_matrix(unit_transmissibilities(f), static_cast<int>(width) - 1, block);
+    add(element, block, width, fractures[f].along);
+    for (Index side : sides(f)) {
+      element = is_drop(side) ? Element{{side}, {0}} : Element{{side, layout_.fracture(f)}, {0, 1}};
+      add(element, exchange, 2, areas_[f] * fractures[f].through);
+    }
   }
   matrix_->end_writing();
 }
@@ -210,7 +254,7 @@ Dissipation FlowOperator::dissipation(Vec q) const {
   for (Index f = 0; !conductivities_.empty() && f < mesh_.fractures.owned; ++f) {
     parts[0] += conductivities_[f].along * fracture_form(f, local);
     for (Index side : sides(f)) {
-      const double drop = local[side] - local[layout_.fracture(f)];
+      const double drop = is_drop(side) ? local[side] : local[side] - local[layout_.fracture(f)];
       parts[1] += areas_[f] * conductivities_[f].through * drop * drop;
     }
   }
@@ -224,7 +268,8 @@ Dissipation FlowOperator::dissipation(Vec q) const {
 
 void FlowOperator::aperture_derivative(Index f, std::span<const double> q, std::vector<Index>& rows,
                                        std::vector<double>& values) const {
-  fracture_unknowns(f, rows);
+  rows.assign(1, layout_.fracture(f));
+  for (Index ridge : mesh_.flow.fracture_ridges[f]) rows.push_back(layout_.ridge(ridge));
   values.assign(rows.size(), 0.0);
   const auto T = unit_transmissibilities(f);
   const std::size_t n = rows.size() - 1;
@@ -236,8 +281,8 @@ void FlowOperator::aperture_derivative(Index f, std::span<const double> q, std::
     values[i + 1] = -conductivities_[f].d_along * flux;
   }
   for (Index side : sides(f)) {
-    const double into = areas_[f] * conductivities_[f].d_through * (q[side] - q_f);
-    values[0] -= into;
+    const double into = areas_[f] * conductivities_[f].d_through * (is_drop(side) ? q[side] : q[side] - q_f);
+    if (!is_drop(side)) values[0] -= into;
     rows.push_back(side);
     values.push_back(into);
   }

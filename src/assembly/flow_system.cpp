@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 
 #include "polyslip/common/mpi.hpp"
 
@@ -23,24 +24,40 @@ FlowSystem::FlowSystem(const mesh::DistributedMesh& mesh, const physics::FlowPro
     : mesh_(mesh),
       problem_(problem),
       rock_(together(mesh.comm, [&] { return physics::cell_hydraulics(mesh.mesh, problem.materials); })),
+      fractures_(together(mesh.comm, [&] { return fracture_properties(); })),
+      conducting_apertures_(contact_apertures()),
+      storing_apertures_(conducting_apertures_),
+      conductivities_(conductivities_at(conducting_apertures_)),
       layout_(mesh, !problem.fractures.empty() && mesh.fractures.total > 0),
-      operator_(mesh, layout_, rock_, problem.viscosity),
+      operator_(mesh, layout_, rock_, problem.viscosity, conductivities_),
       constant_reference_(mean_initial_pressure()),
       reference_(reference_values()),
       load_assembler_(mesh, problem, layout_, operator_.points(), reference_, operator_.areas()),
       storage_(layout_.create_vector()),
       work_(layout_.create_vector()) {
-  if (layout_.with_fractures())
-    fractures_ =
-        together(mesh.comm, [&] { return physics::fracture_hydraulics(mesh.mesh, mesh.fracture_faces, problem.fractures); });
-  std::vector<double> apertures(fractures_.size());
-  std::transform(fractures_.begin(), fractures_.end(), apertures.begin(), [](const auto& f) { return f.contact_aperture; });
-  (void)set_apertures(apertures);  // they are positive: fracture_hydraulics has seen to it
   write_storage();
   loads_ = {std::vector<double>(static_cast<std::size_t>(layout_.size())),
             std::vector<double>(static_cast<std::size_t>(layout_.size()))};
   POLYSLIP_PETSC(MatDuplicate(operator_.matrix(), MAT_DO_NOT_COPY_VALUES, matrix_.put()));
   POLYSLIP_PETSC(MatSetOption(matrix_, MAT_SPD, PETSC_TRUE));
+}
+
+std::vector<physics::FractureHydraulics> FlowSystem::fracture_properties() const {
+  if (problem_.fractures.empty()) return {};
+  return physics::fracture_hydraulics(mesh_.mesh, mesh_.fracture_faces, problem_.fractures);
+}
+
+std::vector<double> FlowSystem::contact_apertures() const {
+  std::vector<double> apertures(fractures_.size());
+  std::transform(fractures_.begin(), fractures_.end(), apertures.begin(), [](const auto& f) { return f.contact_aperture; });
+  return apertures;
+}
+
+std::vector<physics::FractureConductivity> FlowSystem::conductivities_at(std::span<const double> apertures) const {
+  std::vector<physics::FractureConductivity> values;
+  for (std::size_t f = 0; f < apertures.size(); ++f)
+    values.push_back(physics::fracture_conductivity(fractures_[f], apertures[f], problem_.viscosity));
+  return values;
 }
 
 double FlowSystem::mean_initial_pressure() const {
@@ -60,7 +77,7 @@ double FlowSystem::reference_at(const Vec3& x) const {
 
 std::vector<double> FlowSystem::reference_values() const {
   std::vector<double> values(static_cast<std::size_t>(layout_.local_size()));
-  for (Index i = 0; i < layout_.size(); ++i) values[i] = reference_at(operator_.points()[i]);
+  for (Index i = 0; i < layout_.size(); ++i) values[i] = operator_.is_drop(i) ? 0.0 : reference_at(operator_.points()[i]);
   layout_.halo().owner_to_ghost(values);
   return values;
 }
@@ -92,9 +109,7 @@ bool FlowSystem::set_conducting_apertures(std::span<const double> apertures) {
   if (!all_positive(apertures)) return false;
   if (!differ(apertures, conducting_apertures_)) return true;
   conducting_apertures_.assign(apertures.begin(), apertures.end());
-  conductivities_.clear();
-  for (std::size_t f = 0; f < apertures.size(); ++f)
-    conductivities_.push_back(physics::fracture_conductivity(fractures_[f], apertures[f], problem_.viscosity));
+  conductivities_ = conductivities_at(apertures);
   operator_.set_conductivities(conductivities_);
   matrix_is_stale_ = true;
   return true;
@@ -149,6 +164,14 @@ void FlowSystem::residual(Vec q, Vec q_previous, Vec f) const {
   const VecRead now(q), before(q_previous), storage(storage_);
   for (Index i = 0; i < layout_.size(); ++i)
     rows[i] = fixed()[i] ? 0.0 : storage[i] * (now[i] - before[i]) + dt_ * (rows[i] - loads_.sources[i]);
+}
+
+double FlowSystem::round_off(Vec q) {
+  POLYSLIP_PETSC(MatGetDiagonal(matrix(), work_));
+  POLYSLIP_PETSC(VecPointwiseMult(work_, work_, q));
+  PetscReal norm = 0;
+  POLYSLIP_PETSC(VecNorm(work_, NORM_2, &norm));
+  return std::numeric_limits<double>::epsilon() * norm;
 }
 
 FluidBalance FlowSystem::balance(Vec q, Vec q_previous) const {

@@ -17,7 +17,7 @@
 #include "polyslip/la/log_stage.hpp"
 #include "polyslip/mesh/readers.hpp"
 #include "polyslip/scene/scene.hpp"
-#include "polyslip/solver/load_stepper.hpp"
+#include "polyslip/solver/mechanics_step.hpp"
 
 namespace polyslip::scene {
 
@@ -89,9 +89,9 @@ class Run {
   void describe();
   void open_tables();
   void on_newton(const solver::NewtonRecord& record);
-  void on_accepted(const solver::StepRecord& record);
+  void on_solved(const solver::StepRecord& record);
   void write_fields(double time);
-  void summarise(const solver::StepperResult& result);
+  void summarise(const solver::StepperResult& result, const solver::StepperState& steps);
 
   MPI_Comm comm_;
   const Scene& scene_;
@@ -102,9 +102,10 @@ class Run {
   std::optional<mesh::DistributedMesh> mesh_;
   std::optional<assembly::MechanicsSystem> system_;
   std::optional<solver::ContactNewton> newton_;
+  std::optional<solver::MechanicsStep> steps_;
   std::optional<io::FieldWriter> writer_;
   std::vector<assembly::PointProbe> probes_;
-  la::Handle<Vec> x_;
+  Vec x_ = nullptr;  ///< The state to show.
   io::CsvTable history_, newton_table_;
   int step_ = 1;
   double last_time_ = 0, last_written_ = -1e300;
@@ -126,7 +127,8 @@ Run::Run(MPI_Comm comm, const Scene& scene, const std::filesystem::path& directo
     const la::LogStage stage("assemble", seconds.assemble);
     system_.emplace(*mesh_, scene.mechanics);
     newton_.emplace(*system_);
-    x_ = system_->layout().create_vector();
+    steps_.emplace(*system_, *newton_);
+    x_ = steps_->trial();
   }
   {
     const la::LogStage stage("write", seconds.write);
@@ -191,7 +193,7 @@ void Run::on_newton(const solver::NewtonRecord& r) {
                        static_cast<double>(r.changed), r.step_length, static_cast<double>(r.krylov)});
 }
 
-void Run::on_accepted(const solver::StepRecord& record) {
+void Run::on_solved(const solver::StepRecord& record) {
   const auto values = assembly::fracture_values(*system_, x_);
   const auto extremes = assembly::fracture_extremes(*system_, values);
   const auto counts = system_->count(system_->states(x_));
@@ -274,33 +276,33 @@ void Run::write_fields(double time) {
 }
 
 ExitCode Run::execute() {
-  solver::LoadStepper stepper(*system_, *newton_, scene_.time);
-  stepper.accepted = [this](const solver::StepRecord& record) { on_accepted(record); };
+  solver::TimeStepper stepper(*steps_, scene_.time);
+  stepper.solved = [this](const solver::StepRecord& record) { on_solved(record); };
   stepper.rejected = [this](double time, double size, const std::string& reason) {
     log_.line("step to t = {:g} with dt = {:g} rejected: {}", time, size, reason);
   };
-  stepper.stop_requested = [this] { return mpi::any(comm_, stop_signal != 0); };
+  stepper.stop_requested = newton_->stop_requested = [this] { return mpi::any(comm_, stop_signal != 0); };
   double contact_seconds = 0;
   solver::StepperResult result;
   {
     const la::LogStage stage("contact", contact_seconds);
-    result = stepper.run(x_);
+    result = stepper.run();
   }
-  if (result.accepted > 0) write_fields(last_time_);
-  summarise(result);
+  if (stepper.state().accepted > 0) write_fields(last_time_);
+  summarise(result, stepper.state());
   using End = solver::StepperResult::End;
   return result.end == End::finished ? exit_finished : result.end == End::stopped ? exit_stopped : exit_diverged;
 }
 
-void Run::summarise(const solver::StepperResult& result) {
+void Run::summarise(const solver::StepperResult& result, const solver::StepperState& steps) {
   auto& s = summary_;
   using End = solver::StepperResult::End;
   s.status = result.end == End::finished ? "finished" : result.end == End::stopped ? "stopped" : "diverged";
   s.message = result.message;
-  s.steps.accepted = result.accepted;
-  s.steps.rejected = result.rejected;
-  s.newton.total = result.newton_total;
-  s.newton.max_per_step = result.newton_max;
+  s.steps.accepted = steps.accepted;
+  s.steps.rejected = steps.rejected;
+  s.newton.total = steps.newton_total;
+  s.newton.max_per_step = steps.newton_max;
   const solver::LinearCounts counts = newton_->linear_counts();
   s.krylov.total = counts.iterations;
   s.krylov.max_per_solve = counts.max_per_solve;
@@ -309,7 +311,7 @@ void Run::summarise(const solver::StepperResult& result) {
   s.active_set.cycles_detected = newton_->cycles();
   s.seconds.condense = newton_->seconds().condense;
   s.seconds.solve = newton_->seconds().solve;
-  if (scene_.exact && result.accepted > 0) {
+  if (scene_.exact && steps.accepted > 0) {
     const auto e = assembly::error_norms(*system_, *scene_.exact, last_time_, x_);
     s.errors.displacement_l2 = e.displacement;
     s.errors.gradient_l2 = e.gradient;

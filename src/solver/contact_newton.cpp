@@ -143,6 +143,8 @@ PetscErrorCode ContactNewton::test_convergence(SNES snes, PetscInt iteration, Pe
   } else if (n.momentum <= std::max(atol, rtol * n.momentum_scale) && n.contact <= std::max(atol, rtol * n.contact_scale) &&
              n.flow <= rtol * n.flow_scale) {
     *reason = SNES_CONVERGED_FNORM_RELATIVE;
+  } else if (self->stopped_ = self->stop_requested(); self->stopped_) {
+    *reason = SNES_DIVERGED_INNER;
   } else if (self->trace_.cycle || self->is_unsettled(static_cast<int>(iteration))) {
     *reason = SNES_DIVERGED_LINE_SEARCH;
   } else if (iteration >= max_it) {
@@ -168,6 +170,7 @@ void ContactNewton::record(int iteration, const assembly::ResidualNorms& n) {
 }
 
 std::string ContactNewton::why(SNESConvergedReason reason) const {
+  if (stopped_) return "stopped on request";
   if (trace_.cycle) return "the active set cycles";
   if (reason == SNES_DIVERGED_FNORM_NAN) return "the residual is not finite; a block may be free to move: hold it by displacements";
   if (linear_ && linear_->failed())
@@ -176,6 +179,7 @@ std::string ContactNewton::why(SNESConvergedReason reason) const {
 }
 
 bool ContactNewton::run(Vec x, const std::string& remedy, NewtonResult& result) {
+  if (stopped_) return false;
   remedy_ = remedy;
   POLYSLIP_PETSC(SNESSolve(snes_, nullptr, x));
   SNESConvergedReason reason = SNES_CONVERGED_ITERATING;
@@ -250,6 +254,7 @@ bool ContactNewton::try_lagged_friction(Vec x, NewtonResult& result) {
 
 NewtonResult ContactNewton::solve(Vec x) {
   NewtonResult result;
+  stopped_ = false;
   system_.impose_dirichlet(x);
   POLYSLIP_PETSC(VecCopy(x, start_));
   may_soften_ = true;

@@ -4,9 +4,17 @@
 //                               = - F_{K sigma}(q) + |sigma| T_f (q_{K sigma} - q_sigma^f)  on each side of a fracture face
 //   fracture face   (H q)_f     = sum_e F_{sigma e}(q) - sum_sides |sigma| T_f (q_{K sigma} - q_sigma^f)
 //   ridge           (H q)_e     = - sum_sigma F_{sigma e}(q)
-// all in m3/s (2D: m2/s). H is symmetric, positive semidefinite, and its rows sum to 0; q.Hq is the power that Darcy's law
-// dissipates. The part of the rock is assembled once; conductivities of the fractures only rewrite the rows of fracture sides,
-// faces and ridges.
+// all in m3/s (2D: m2/s). H is symmetric, positive semidefinite; q.Hq is the power that Darcy's law dissipates.
+//
+// An open fracture lets fluid through its sides 1e6 to 1e12 times more easily than rock does, and sums like T + |sigma| T_f lose
+// the rock. The unknown of such a conductive side (T_f > n.K_m n/(eta d_{K sigma}) at the start) is therefore the drop
+//   delta_{K sigma} = q_{K sigma} - q_sigma^f:
+// in these unknowns T_f stands on the diagonal of delta only, and the fracture face takes the fluid from the rock itself,
+//   (H q)_f = sum_e F_{sigma e}(q) - F_{K sigma}(q) - ...,
+// so that fluid is conserved to round-off whatever T_f. The forms q.Hq are the same.
+//
+// The part of the rock is assembled once; conductivities of the fractures only rewrite the rows of fracture sides, faces and
+// ridges.
 #pragma once
 
 #include <memory>
@@ -26,9 +34,10 @@ struct Dissipation {
 
 class FlowOperator {
  public:
-  /// Fracture conductivities are 0 until set_conductivities. Throws InputError, on all ranks alike, for cells that HFV cannot take.
+  /// `fractures`: of each local fracture face at the start; they settle which sides are conductive. Throws InputError, on all ranks
+  /// alike, for cells that HFV cannot take.
   FlowOperator(const mesh::DistributedMesh& mesh, const FlowLayout& layout, std::span<const physics::HydraulicProperties> rock,
-               double viscosity);
+               double viscosity, std::span<const physics::FractureConductivity> fractures);
 
   /// One for each local fracture face.
   void set_conductivities(std::span<const physics::FractureConductivity> fractures);
@@ -43,6 +52,13 @@ class FlowOperator {
   }  ///< |sigma| of the local fracture faces [m2]; empty where they
      ///< carry no fluid.
 
+  /// Whether a local unknown is a drop delta, and not a pressure.
+  [[nodiscard]] bool is_drop(Index unknown) const { return drop_from_[unknown] >= 0; }
+  /// q of an unknown from a local array, that of the side itself where the unknown is a drop.
+  [[nodiscard]] double pressure(std::span<const double> q, Index unknown) const {
+    return is_drop(unknown) ? q[unknown] + q[drop_from_[unknown]] : q[unknown];
+  }
+
   /// q.Hq by parts.
   [[nodiscard]] Dissipation dissipation(Vec q) const;
 
@@ -52,23 +68,33 @@ class FlowOperator {
                            std::vector<double>& values) const;
 
  private:
-  /// Local unknowns of an element: [cell or fracture face, its faces or ridges].
-  void cell_unknowns(Index cell, std::vector<Index>& unknowns) const;
-  void fracture_unknowns(Index fracture_face, std::vector<Index>& unknowns) const;
+  /// The unknowns of an element and, aligned, the row of its matrix over [p_K, p_1 .. p_n] that each takes: a pressure p_i that is
+  /// a drop from q_sigma^f gives its row to both.
+  struct Element {
+    std::vector<Index> unknowns;
+    std::vector<Index> rows;
+  };
+  void cell_element(Index cell, Element& element) const;
+  void fracture_element(Index fracture_face, Element& element) const;
   /// Unknowns of the two sides of a fracture face.
   [[nodiscard]] std::array<Index, 2> sides(Index fracture_face) const;
   [[nodiscard]] bool any_owned(std::span<const Index> unknowns) const;
   [[nodiscard]] Csr graph() const;
+  void choose_drops(std::span<const physics::HydraulicProperties> rock, double viscosity,
+                    std::span<const physics::FractureConductivity> fractures);
   void assemble_rock(std::span<const physics::HydraulicProperties> rock, double viscosity);
   void measure_fractures();
   void keep_rock_rows();
   void place_points();
-  void add(std::span<const Index> unknowns, std::span<const double> block, double scale);
+  /// Adds scale times the matrix of an element, `width` columns, to the owned rows.
+  void add(const Element& element, std::span<const double> block, std::size_t width, double scale);
   [[nodiscard]] double fracture_form(Index fracture_face, std::span<const double> q) const;
   [[nodiscard]] std::span<const double> unit_transmissibilities(Index fracture_face) const;
 
   const mesh::DistributedMesh& mesh_;
   const FlowLayout& layout_;
+  std::vector<Index>
+      drop_from_;  ///< Of local unknowns: the fracture face's unknown that a drop is measured from, -1 for pressures.
   std::unique_ptr<la::BlockMatrix> matrix_;
   std::vector<Vec3> points_;
   std::vector<double> volumes_, areas_;

@@ -35,7 +35,7 @@ class FlowSystem {
   [[nodiscard]] std::span<const physics::HydraulicProperties> rock() const { return rock_; }
   /// Contact aperture, dilation and permeabilities of each local fracture face; empty where fractures carry no fluid.
   [[nodiscard]] std::span<const physics::FractureHydraulics> fractures() const { return fractures_; }
-  /// p_ref at a point and of each local unknown [Pa].
+  /// p_ref at a point and of each local unknown (0 for drops) [Pa].
   [[nodiscard]] double reference_at(const Vec3& x) const;
   [[nodiscard]] std::span<const double> reference() const { return reference_; }
   /// 1 on local unknowns with a prescribed pressure.
@@ -65,6 +65,8 @@ class FlowSystem {
   [[nodiscard]] long long matrix_version() const { return matrix_version_; }
   /// f = D (q - q_previous) + dt (H q - Q) on free unknowns, 0 on prescribed ones (q must have its values).
   void residual(Vec q, Vec q_previous, Vec f) const;
+  /// What the digits of q leave in the residual whatever is solved [m3]: the norm of eps S_ii q_i. No solver gets below.
+  [[nodiscard]] double round_off(Vec q);
   /// Diagonal of D [m3/Pa].
   [[nodiscard]] Vec storage() const { return storage_; }
   /// C_f/eta and T_f of each local fracture face at the conducting aperture, and their derivatives to it.
@@ -78,6 +80,9 @@ class FlowSystem {
   [[nodiscard]] double power_input(Vec q) const;
 
  private:
+  [[nodiscard]] std::vector<physics::FractureHydraulics> fracture_properties() const;
+  [[nodiscard]] std::vector<double> contact_apertures() const;
+  [[nodiscard]] std::vector<physics::FractureConductivity> conductivities_at(std::span<const double> apertures) const;
   [[nodiscard]] double mean_initial_pressure() const;
   [[nodiscard]] std::vector<double> reference_values() const;
   void write_storage();
@@ -91,6 +96,8 @@ class FlowSystem {
   const physics::FlowProblem& problem_;
   std::vector<physics::HydraulicProperties> rock_;
   std::vector<physics::FractureHydraulics> fractures_;
+  std::vector<double> conducting_apertures_, storing_apertures_;
+  std::vector<physics::FractureConductivity> conductivities_;
   FlowLayout layout_;
   FlowOperator operator_;
   double constant_reference_;  ///< p_ref where the problem gives none: the mean initial pressure.
@@ -98,8 +105,6 @@ class FlowSystem {
   FlowLoadAssembler load_assembler_;
   FlowLoads loads_;
   double dt_ = 1;
-  std::vector<double> conducting_apertures_, storing_apertures_;
-  std::vector<physics::FractureConductivity> conductivities_;
   la::Handle<Vec> storage_;
   la::Handle<Mat> matrix_;
   bool matrix_is_stale_ = true;

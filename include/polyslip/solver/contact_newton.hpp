@@ -49,6 +49,8 @@ class ContactNewton {
   NewtonResult solve(Vec x);
 
   std::function<void(const NewtonRecord&)> monitor;
+  /// Asked at every iteration, on all ranks alike: where it is true the solve ends there, without a remedy.
+  std::function<bool()> stop_requested = [] { return false; };
 
   [[nodiscard]] LinearCounts linear_counts() const;
   [[nodiscard]] long long cycles() const { return trace_.cycles; }
@@ -82,7 +84,7 @@ class ContactNewton {
   la::Handle<Vec> residual_, start_, lagged_;
   bool law_changed_ = true;  ///< On faces that keep their state too, since the matrix was written last.
   std::string remedy_;
-  bool may_soften_ = false, unsettled_ = false;
+  bool may_soften_ = false, unsettled_ = false, stopped_ = false;
   assembly::ResidualNorms norms_;
   NewtonSeconds seconds_;
   LinearCounts saddle_counts_;

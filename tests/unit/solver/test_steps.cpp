@@ -1,18 +1,25 @@
-// Load steps, and what a whole run leaves behind.
+// Steps of rock in time, and what a whole run leaves behind.
 #include <gtest/gtest.h>
 
 #include <map>
 
-#include "polyslip/solver/load_stepper.hpp"
+#include "polyslip/solver/mechanics_step.hpp"
 #include "support/contact_scene.hpp"
 
 namespace polyslip {
 namespace {
 
 using namespace tests;
-using solver::LoadStepper;
+using solver::MechanicsStep;
 using solver::StepRecord;
+using solver::TimeStepper;
 using End = solver::StepperResult::End;
+
+double norm(Vec v) {
+  PetscReal value = 0;
+  POLYSLIP_PETSC(VecNorm(v, NORM_2, &value));
+  return value;
+}
 
 /// Two blocks pressed together and pushed to and fro along each other: slip = `push`(t) less what friction holds back.
 physics::MechanicsProblem pushed_blocks(const std::string& push) {
@@ -22,38 +29,26 @@ physics::MechanicsProblem pushed_blocks(const std::string& push) {
   return problem;
 }
 
-class load_stepper : public testing::Test {
+class mechanics_steps : public testing::Test {
  protected:
   ContactScene scene_{[] { return fractured_box({2, "quads"}, 4, 0, 1); }, pushed_blocks("0.1*sin(pi*t)")};
   solver::ContactNewton newton_{*scene_.system};
+  MechanicsStep steps_{*scene_.system, newton_};
 
   /// Mean tangential jump along y, right side less left side.
   [[nodiscard]] double slip() const {
     double sum = 0;
-    for (const auto& v : assembly::fracture_values(*scene_.system, scene_.x)) sum -= v.jump_tangential[1];
+    for (const auto& v : assembly::fracture_values(*scene_.system, steps_.trial())) sum -= v.jump_tangential[1];
     return mpi::sum(PETSC_COMM_WORLD, sum) / scene_.system->fracture_faces();
   }
 };
 
-TEST_F(load_stepper, meets_the_ends_of_the_steps_and_of_the_run) {
-  LoadStepper stepper(*scene_.system, newton_, {0, 0.5, 0.2});
-  std::vector<double> times;
-  stepper.accepted = [&](const StepRecord& record) { times.push_back(record.time); };
-  const auto result = stepper.run(scene_.x);
-  EXPECT_EQ(result.end, End::finished) << result.message;
-  ASSERT_EQ(times.size(), 3U);
-  EXPECT_NEAR(times[0], 0.2, 1e-14);
-  EXPECT_NEAR(times[1], 0.4, 1e-14);
-  EXPECT_EQ(times[2], 0.5);
-  EXPECT_EQ(result.accepted, 3);
-}
-
-TEST_F(load_stepper, measures_friction_from_the_last_step) {
+TEST_F(mechanics_steps, measure_friction_from_the_last_step) {
   // Pushed and pulled back to where it began, the block keeps a part of its slip, and the shear stress has turned round.
   std::vector<double> slips;
-  LoadStepper stepper(*scene_.system, newton_, {0, 1, 0.25});
-  stepper.accepted = [&](const StepRecord&) { slips.push_back(slip()); };
-  const auto result = stepper.run(scene_.x);
+  TimeStepper stepper(steps_, {0, 1, 0.25});
+  stepper.solved = [&](const StepRecord&) { slips.push_back(slip()); };
+  const auto result = stepper.run();
   ASSERT_EQ(result.end, End::finished) << result.message;
   ASSERT_EQ(slips.size(), 4U);
   EXPECT_GT(slips[1], 0.05);
@@ -61,35 +56,78 @@ TEST_F(load_stepper, measures_friction_from_the_last_step) {
   EXPECT_LT(slips[3], 0.5 * slips[1]);
 }
 
-TEST_F(load_stepper, stops_between_steps_on_request) {
-  LoadStepper stepper(*scene_.system, newton_, {0, 1, 0.25});
-  int steps = 0;
-  stepper.accepted = [&](const StepRecord&) { ++steps; };
-  stepper.stop_requested = [&] { return steps == 2; };
-  const auto result = stepper.run(scene_.x);
-  EXPECT_EQ(result.end, End::stopped);
-  EXPECT_EQ(result.accepted, 2);
-}
-
-TEST_F(load_stepper, cuts_steps_that_fail_and_gives_up_with_a_sentence) {
+TEST_F(mechanics_steps, that_fail_are_cut_and_given_up_with_a_sentence) {
   const ScopedOption hopeless("-snes_max_it", "0");
   solver::ContactNewton newton(*scene_.system);
-  LoadStepper stepper(*scene_.system, newton, {0, 1, 0.5});
+  MechanicsStep steps(*scene_.system, newton);
+  TimeStepper stepper(steps, {0, 1, 0.5});
   std::vector<double> sizes;
   stepper.rejected = [&](double, double size, const std::string&) { sizes.push_back(size); };
-  la::Handle<Vec> start;
-  POLYSLIP_PETSC(VecDuplicate(scene_.x, start.put()));
-  POLYSLIP_PETSC(VecCopy(scene_.x, start));
-  const auto result = stepper.run(scene_.x);
+  const auto result = stepper.run();
   EXPECT_EQ(result.end, End::diverged);
-  EXPECT_EQ(result.accepted, 0);
+  EXPECT_EQ(stepper.state().accepted, 0);
+  EXPECT_EQ(stepper.state().rejected, static_cast<int>(sizes.size()));
   ASSERT_GT(sizes.size(), 3U);
   for (std::size_t k = 1; k < sizes.size(); ++k) EXPECT_NEAR(sizes[k], sizes[k - 1] / 2, 1e-6 * sizes[k]);
   EXPECT_LT(sizes.back(), 1e-3);
   EXPECT_NE(result.message.find("-snes_max_it"), std::string::npos) << result.message;
-  PetscBool same = PETSC_FALSE;
-  POLYSLIP_PETSC(VecEqual(scene_.x, start, &same));
-  EXPECT_TRUE(same) << "the last accepted state stays";
+  EXPECT_EQ(norm(steps.accepted()), 0) << "the last accepted state stays";
+  EXPECT_EQ(norm(steps.trial()), 0) << "and is what there is to show";
+}
+
+TEST_F(mechanics_steps, stop_at_the_next_newton_iteration_on_request) {
+  const ScopedOption no_end("-snes_rtol", "0");
+  solver::ContactNewton newton(*scene_.system);
+  MechanicsStep steps(*scene_.system, newton);
+  TimeStepper stepper(steps, {0, 1, 0.5});
+  int iterations = 0;
+  bool stop = false;
+  newton.monitor = [&](const solver::NewtonRecord& record) { stop = ++iterations == 3 || stop || record.iteration > 9; };
+  newton.stop_requested = stepper.stop_requested = [&] { return stop; };
+  EXPECT_EQ(stepper.run().end, End::stopped);
+  EXPECT_EQ(iterations, 3) << "no remedy is tried";
+  EXPECT_EQ(stepper.state().accepted + stepper.state().rejected, 0);
+  EXPECT_EQ(norm(steps.trial()), 0) << "the accepted state is what there is to show";
+}
+
+// Loads that do not depend on time grow with it over the scene's first step, and then stay.
+TEST(mechanics_steps_of_given_loads, apply_them_in_parts) {
+  ContactScene scene([] { return fractured_box({2, "quads"}, 4, 0, 1); }, pushed_blocks("0.001"));
+  solver::ContactNewton newton(*scene.system);
+  MechanicsStep steps(*scene.system, newton);
+  double whole = 0;
+  for (const auto& [from, to, mark, part] :
+       std::vector<std::array<double, 4>>{{0, 1, 4, 0.25}, {1, 3, 4, 0.75}, {3, 4, 4, 1}, {4, 5, 8, 1}}) {
+    ASSERT_TRUE(steps.attempt(from, to, mark).converged);
+    steps.accept();
+    EXPECT_DOUBLE_EQ(steps.load_fraction(), part);
+    const auto& u = scene.system->loads().dirichlet;
+    const double most = largest(u);
+    whole = to == 1 ? most / part : whole;
+    EXPECT_NEAR(most, part * whole, 1e-15);
+  }
+}
+
+TEST_F(mechanics_steps, go_on_from_a_state_that_was_kept) {
+  TimeStepper stepper(steps_, {0, 0.5, 0.25});
+  ASSERT_EQ(stepper.run().end, End::finished);
+
+  solver::ContactNewton newton(*scene_.system);
+  MechanicsStep again(*scene_.system, newton);
+  POLYSLIP_PETSC(VecCopy(steps_.accepted(), again.accepted()));
+  again.restore(0.5, steps_.load_fraction());
+  TimeStepper rest(again, {0, 1, 0.25}), rest_of_first(steps_, {0, 1, 0.25});
+  rest.restore(stepper.state());
+  ASSERT_EQ(rest.run().end, End::finished);
+  EXPECT_EQ(rest.state().accepted, 4);
+
+  const std::vector<Vec3> jumps(scene_.system->previous_jumps().begin(), scene_.system->previous_jumps().end());
+  scene_.system->set_previous_jumps(steps_.accepted());
+  rest_of_first.restore(stepper.state());
+  ASSERT_EQ(rest_of_first.run().end, End::finished);
+  POLYSLIP_PETSC(VecAXPY(again.accepted(), -1.0, steps_.accepted()));
+  EXPECT_LT(norm(again.accepted()), 1e-10 * norm(steps_.accepted()));
+  for (std::size_t f = 0; f < jumps.size(); ++f) EXPECT_LT((jumps[f] - scene_.system->previous_jumps()[f]).norm(), 1e-10);
 }
 
 /// Objects of each PETSc class that were made and not destroyed since the log began.
