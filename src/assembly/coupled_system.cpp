@@ -332,19 +332,13 @@ void CoupledSystem::momentum_action(Vec y, Vec r) const {
 ResidualNorms CoupledSystem::norms(Vec z, Vec f) const {
   ResidualNorms n = MechanicsSystem::norms(z, f);
   n.momentum_scale = std::max(n.momentum_scale, pressure_force_);
-  // What cancels in a row of S q: below some 1e-5 of it, differences drown in rounding at the tolerances in use.
-  la::Handle<Vec> diagonal = flow_.layout().create_vector();
-  POLYSLIP_PETSC(MatGetDiagonal(flow_.matrix(), diagonal));
-  const VecRead rows(f), d(diagonal), state(z);
-  std::array<double, 2> sums{};
-  for (Index i = 0; i < flow_.layout().size(); ++i) {
-    const Index k = layout().size() + i;
-    sums[0] += rows[k] * rows[k];
-    if (!flow_.fixed()[i]) sums[1] += std::pow(d[i] * state[k], 2);
-  }
-  mpi::sum_in_place(mesh().comm, sums);
-  n.flow = std::sqrt(sums[0]);
-  n.flow_scale = std::max(flow_scale_ + 1e-5 * std::sqrt(sums[1]), 1e-300);
+  copy_tail(z, layout().size(), q_work_);
+  n.flow_floor = 4 * flow_.round_off(q_work_);
+  const VecRead rows(f);
+  double squares = 0;
+  for (Index i = layout().size(); i < size(); ++i) squares += rows[i] * rows[i];
+  n.flow = std::sqrt(mpi::sum(mesh().comm, squares));
+  n.flow_scale = std::max(flow_scale_, 1e-300);
   return n;
 }
 

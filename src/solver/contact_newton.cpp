@@ -141,7 +141,7 @@ PetscErrorCode ContactNewton::test_convergence(SNES snes, PetscInt iteration, Pe
   } else if (iteration > 0 && self->linear_ && self->linear_->failed()) {
     *reason = SNES_DIVERGED_LINEAR_SOLVE;
   } else if (n.momentum <= std::max(atol, rtol * n.momentum_scale) && n.contact <= std::max(atol, rtol * n.contact_scale) &&
-             n.flow <= rtol * n.flow_scale) {
+             n.flow <= std::max(n.flow_floor, rtol * n.flow_scale)) {
     *reason = SNES_CONVERGED_FNORM_RELATIVE;
   } else if (self->stopped_ = self->stop_requested(); self->stopped_) {
     *reason = SNES_DIVERGED_INNER;
@@ -165,8 +165,8 @@ bool ContactNewton::is_unsettled(int iteration) {
 void ContactNewton::record(int iteration, const assembly::ResidualNorms& n) {
   if (!monitor) return;
   const auto relative = [](double value, double scale) { return scale > 0 ? value / scale : value; };
-  monitor({iteration, relative(n.momentum, n.momentum_scale), relative(n.contact, n.contact_scale), trace_.counts, trace_.changed,
-           trace_.step_length, linear_ && iteration > 0 ? linear_->last_iterations() : 0, remedy_});
+  monitor({iteration, relative(n.momentum, n.momentum_scale), relative(n.contact, n.contact_scale),
+           relative(n.flow, std::max(n.flow_scale, n.flow_floor)), trace_.counts, trace_.changed, trace_.step_length, linear_ && iteration > 0 ? linear_->last_iterations() : 0, remedy_});
 }
 
 std::string ContactNewton::why(SNESConvergedReason reason) const {
@@ -190,9 +190,9 @@ bool ContactNewton::run(Vec x, const std::string& remedy, NewtonResult& result) 
   result.converged = reason > 0;
   if (!result.converged) {
     const std::string flickering = trace_.flickering();
-    result.message = fmt::format("Newton stopped after {} iterations ({}): {}; relative residuals momentum {:.2e}, contact {:.2e}{}{}", iterations,
+    result.message = fmt::format("Newton stopped after {} iterations ({}): {}; relative residuals momentum {:.2e}, contact {:.2e}, flow {:.2e}{}{}", iterations,
                                  SNESConvergedReasons[reason], why(reason),
-                                 norms_.momentum / norms_.momentum_scale, norms_.contact / norms_.contact_scale,
+                                 norms_.momentum / norms_.momentum_scale, norms_.contact / norms_.contact_scale, norms_.flow / norms_.flow_scale,
                                  flickering.empty() ? "" : "; ", flickering);
   }
   return result.converged;

@@ -1,0 +1,57 @@
+// Solves the condensed system of displacement and pressure of a Newton iteration (options prefix coupled_).
+//
+// Defaults by size and dimension:
+//  * an LU factorisation of the exact matrix (MUMPS) with a few GMRES iterations on top, kept as long as these are few;
+//  * else GMRES with a block triangular preconditioner, PCFIELDSPLIT (Schur, upper):
+//       [ P_u  A_up ] [u]   [r_u]      S_fs = S' + diag( b^2 |K|/K_dr  on cells,  |sigma| l/(2 mu + lambda) on open fracture faces ),
+//       [      S_fs ] [p] = [r_p]      K_dr = lambda + 2 mu/d,   l^2 = h_K times the length of the fracture
+//    (fixed stress), one multigrid cycle for each block: coupled_fieldsplit_displacement_ (GAMG with rigid-body modes, on the matrix with the
+//    friction bounds held) and coupled_fieldsplit_pressure_.
+// -coupled_pc_type lu or fieldsplit chooses.
+#pragma once
+
+#include <optional>
+
+#include "polyslip/assembly/coupled_system.hpp"
+#include "polyslip/la/hierarchy_update.hpp"
+#include "polyslip/solver/direction_solver.hpp"
+
+namespace polyslip::solver {
+
+class CoupledSolver final : public DirectionSolver {
+ public:
+  explicit CoupledSolver(assembly::CoupledSystem& system);
+
+  [[nodiscard]] assembly::MechanicsSystem::MatrixContent content() const override { return content_; }
+  void matrix_changed(const std::vector<physics::ContactState>& states, bool everywhere) override;
+  PetscErrorCode solve(Vec f, Vec direction, const assembly::ResidualNorms& norms, double rtol, bool loose) override;
+  [[nodiscard]] const std::string& choice() const override { return choice_; }
+  [[nodiscard]] KSP ksp() const { return ksp_; }
+
+ private:
+  void choose();
+  void split_fields(PC pc);
+  void set_up(bool again);
+  void set_up_direct(bool again);
+  void set_up_blocks(bool again);
+  void write_fixed_stress();
+  PetscErrorCode run(double rtol, double target);
+
+  assembly::CoupledSystem& system_;
+  la::Handle<KSP> ksp_;
+  la::Handle<Mat> exact_operator_;  ///< Shell: the nest plus the frictional corrections.
+  la::Handle<Mat> assembled_;       ///< The nest as one AIJ matrix, where a factorisation needs it.
+  la::Handle<Mat> fixed_stress_;    ///< S_fs
+  la::Handle<Vec> compressibility_; ///< The diagonal that fixed stress adds, on the owned flow unknowns; open fracture faces apart.
+  la::Handle<Vec> rhs_, solution_;
+  std::optional<la::HierarchyUpdate> changes_;
+  assembly::MechanicsSystem::MatrixContent content_ = assembly::MechanicsSystem::MatrixContent::symmetric;
+  std::string choice_;
+  PetscReal loose_rtol_ = 1e-3;  ///< -coupled_loose_rtol
+  bool factorises_ = false, has_preconditioner_ = false, is_reused_ = false;
+  std::vector<physics::ContactState> states_of_matrix_;
+  long long changed_since_setup_ = 0, version_ = -1;
+  int iterations_after_setup_ = -1;
+};
+
+}  // namespace polyslip::solver

@@ -1,0 +1,234 @@
+#include "polyslip/solver/coupled_solver.hpp"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+
+#include "polyslip/common/mpi.hpp"
+
+namespace polyslip::solver {
+
+using assembly::CoupledSystem;
+using assembly::MechanicsSystem;
+using physics::ContactState;
+
+namespace {
+
+constexpr const char* prefix = "coupled_";
+constexpr GlobalIndex direct_limit_2d = 400'000, direct_limit_3d = 15'000;  ///< Unknowns up to which a factorisation is the faster choice.
+
+PetscErrorCode apply_exact(Mat shell, Vec x, Vec y) {
+  PetscFunctionBeginUser;
+  CoupledSystem* system = nullptr;
+  PetscCall(MatShellGetContext(shell, &system));
+  PetscCallCXX(system->apply_condensed(x, y));
+  PetscFunctionReturn(0);
+}
+
+bool user_sets(const char* name) {
+  PetscBool set = PETSC_FALSE;
+  POLYSLIP_PETSC(PetscOptionsHasName(nullptr, prefix, name, &set));
+  return set == PETSC_TRUE;
+}
+
+}  // namespace
+
+CoupledSolver::CoupledSolver(CoupledSystem& system)
+    : system_(system), rhs_(system.create_condensed_vector()), solution_(system.create_condensed_vector()) {
+  const Index n = system.layout().nodal_size() + system.flow().layout().size();
+  POLYSLIP_PETSC(MatCreateShell(system.mesh().comm, n, n, PETSC_DETERMINE, PETSC_DETERMINE, &system, exact_operator_.put()));
+  POLYSLIP_PETSC(MatShellSetOperation(exact_operator_, MATOP_MULT, reinterpret_cast<void (*)()>(apply_exact)));
+  POLYSLIP_PETSC(KSPCreate(system.mesh().comm, ksp_.put()));
+  POLYSLIP_PETSC(KSPSetOptionsPrefix(ksp_, prefix));
+  choose();
+}
+
+void CoupledSolver::choose() {
+  const int dim = system_.layout().dim();
+  PetscInt unknowns = 0;
+  POLYSLIP_PETSC(VecGetSize(rhs_, &unknowns));
+  const GlobalIndex limit = dim == 2 ? direct_limit_2d : direct_limit_3d;
+  const bool direct = unknowns <= limit;
+  PC pc = nullptr;
+  POLYSLIP_PETSC(KSPGetPC(ksp_, &pc));
+  POLYSLIP_PETSC(PCSetType(pc, direct ? PCLU : PCFIELDSPLIT));
+  if (user_sets("-pc_type"))
+    choice_ = "linear solver: as the options say";
+  else if (direct)
+    choice_ = fmt::format("linear solver: LU factorisation of displacement and pressure (MUMPS), as {} unknowns in {}D are at most {}; "
+                          "-coupled_pc_type fieldsplit for multigrid", unknowns, dim, limit);
+  else
+    choice_ = fmt::format("linear solver: fixed stress with multigrid on displacement and pressure, as {} unknowns in {}D exceed {}; "
+                          "-coupled_pc_type lu for a factorisation", unknowns, dim, limit);
+  POLYSLIP_PETSC(KSPSetType(ksp_, KSPGMRES));
+  POLYSLIP_PETSC(KSPGMRESSetRestart(ksp_, 100));
+  POLYSLIP_PETSC(KSPSetPCSide(ksp_, PC_RIGHT));
+  POLYSLIP_PETSC(KSPSetTolerances(ksp_, 1e-12, 0.0, PETSC_DEFAULT, 500));
+  POLYSLIP_PETSC(KSPSetOperators(ksp_, exact_operator_, system_.condensed_matrix()));
+  POLYSLIP_PETSC(PetscOptionsGetReal(nullptr, prefix, "-loose_rtol", &loose_rtol_, nullptr));
+  // Which of the two it is must be known before the rest of the options is read.
+  PetscBool is_set = PETSC_FALSE, factors = PETSC_FALSE;
+  char type[64] = "";
+  POLYSLIP_PETSC(PetscOptionsGetString(nullptr, prefix, "-pc_type", type, sizeof type, &is_set));
+  if (is_set) POLYSLIP_PETSC(PCSetType(pc, type));
+  POLYSLIP_PETSC(PetscObjectTypeCompareAny(reinterpret_cast<PetscObject>(pc), &factors, PCLU, ""));
+  factorises_ = factors == PETSC_TRUE;
+  PetscBool splits = PETSC_FALSE;
+  POLYSLIP_PETSC(PetscObjectTypeCompare(reinterpret_cast<PetscObject>(pc), PCFIELDSPLIT, &splits));
+  if (!splits) content_ = MechanicsSystem::MatrixContent::exact;
+  if (factorises_) POLYSLIP_PETSC(PCFactorSetMatSolverType(pc, MATSOLVERMUMPS));
+  if (splits) split_fields(pc);
+  POLYSLIP_PETSC(KSPSetFromOptions(ksp_));
+}
+
+void CoupledSolver::split_fields(PC pc) {
+  std::array<IS, 2> fields{};
+  POLYSLIP_PETSC(MatNestGetISs(system_.condensed_matrix(), fields.data(), nullptr));
+  POLYSLIP_PETSC(PCFieldSplitSetIS(pc, "displacement", fields[0]));
+  POLYSLIP_PETSC(PCFieldSplitSetIS(pc, "pressure", fields[1]));
+  POLYSLIP_PETSC(PCFieldSplitSetType(pc, PC_COMPOSITE_SCHUR));
+  POLYSLIP_PETSC(PCFieldSplitSetSchurFactType(pc, PC_FIELDSPLIT_SCHUR_FACT_UPPER));
+  POLYSLIP_PETSC(MatDuplicate(system_.pressure_matrix(), MAT_COPY_VALUES, fixed_stress_.put()));
+  POLYSLIP_PETSC(PCFieldSplitSetSchurPre(pc, PC_FIELDSPLIT_SCHUR_PRE_USER, fixed_stress_));
+  const std::string u = "-coupled_fieldsplit_displacement_", p = "-coupled_fieldsplit_pressure_";
+  default_option(u + "ksp_type", "preonly");
+  default_option(u + "pc_type", "gamg");
+  default_option(u + "pc_gamg_threshold", "0.02");
+  default_option(u + "pc_gamg_reuse_interpolation", "true");
+  default_option(u + "pc_gamg_use_sa_esteig", "false");
+  default_option(u + "mg_levels_ksp_type", "chebyshev");
+  default_option(u + "mg_levels_pc_type", "jacobi");
+  default_option(u + "mg_levels_ksp_max_it", "2");
+  default_option(p + "ksp_type", "preonly");
+  default_option(p + "pc_type", "hypre");
+
+  // b^2 |K|/K_dr on owned cells
+  compressibility_ = system_.flow().layout().create_vector();
+  const assembly::VecWrite d(compressibility_);
+  const double s2 = std::pow(system_.pressure_scale(), 2);
+  const int dim = system_.layout().dim();
+  for (Index cell = 0; cell < system_.mesh().cells.owned; ++cell) {
+    const physics::Lame& lame = system_.moduli()[cell];
+    const double b = system_.flow().rock()[cell].biot;
+    d[system_.flow().layout().cell(cell)] = s2 * b * b * system_.flow().fluxes().volumes()[cell] / (lame.lambda + 2 * lame.mu / dim);
+  }
+}
+
+void CoupledSolver::write_fixed_stress() {
+  POLYSLIP_PETSC(MatCopy(system_.pressure_matrix(), fixed_stress_, SAME_NONZERO_PATTERN));
+  la::Handle<Vec> diagonal;
+  POLYSLIP_PETSC(VecDuplicate(compressibility_, diagonal.put()));
+  POLYSLIP_PETSC(VecCopy(compressibility_, diagonal));
+  if (system_.flow().layout().with_fractures()) {
+    const assembly::VecWrite d(diagonal);
+    const mesh::DistributedMesh& mesh = system_.mesh();
+    const double s2 = std::pow(system_.pressure_scale(), 2);
+    for (Index f = 0; f < mesh.fractures.owned; ++f) {
+      if (states_of_matrix_[f] != ContactState::open) continue;
+      const assembly::ContactFace& face = std::as_const(system_).contact_cells().faces()[f];
+      const double length = mesh.mesh.fracture_length[mesh.mesh.face_fracture[mesh.fracture_faces[f]]];
+      const physics::Lame& lame = system_.moduli()[std::as_const(system_).contact_cells().mesh_cell(face.cell)];
+      const double h = (2 * lame.mu + lame.lambda) / face.stiffness;
+      d[system_.flow().layout().fracture(f)] += s2 * face.area * std::sqrt(h * length) / (2 * lame.mu + lame.lambda);
+    }
+  }
+  POLYSLIP_PETSC(MatDiagonalSet(fixed_stress_, diagonal, ADD_VALUES));
+}
+
+void CoupledSolver::set_up(bool again) {
+  is_reused_ = !again;
+  if (factorises_)
+    set_up_direct(again);
+  else if (fixed_stress_.get() != nullptr)
+    set_up_blocks(again);
+  else
+    POLYSLIP_PETSC(KSPSetReusePreconditioner(ksp_, again ? PETSC_FALSE : PETSC_TRUE));
+  if (!again) return;
+  has_preconditioner_ = true;
+  changed_since_setup_ = 0;
+  iterations_after_setup_ = -1;
+  ++counts_.setups;
+  if (factorises_) ++counts_.factorisations;
+}
+
+void CoupledSolver::set_up_direct(bool again) {
+  const Mat nest = system_.condensed_matrix();
+  POLYSLIP_PETSC(KSPSetReusePreconditioner(ksp_, again ? PETSC_FALSE : PETSC_TRUE));
+  if (again) {
+    if (assembled_.get() == nullptr) {
+      POLYSLIP_PETSC(MatConvert(nest, MATAIJ, MAT_INITIAL_MATRIX, assembled_.put()));
+    } else {
+      Mat matrix = assembled_;
+      POLYSLIP_PETSC(MatConvert(nest, MATAIJ, MAT_REUSE_MATRIX, &matrix));
+    }
+  }
+  POLYSLIP_PETSC(KSPSetOperators(ksp_, nest, assembled_));
+}
+
+void CoupledSolver::set_up_blocks(bool again) {
+  write_fixed_stress();
+  if (again) {
+    POLYSLIP_PETSC(KSPSetReusePreconditioner(ksp_, PETSC_FALSE));
+    POLYSLIP_PETSC(KSPSetUp(ksp_));
+    if (system_.fracture_faces() > 0) {
+      if (!changes_) changes_.emplace(system_.matrix(), system_.changing_rows());
+      changes_->is_in_step();
+    }
+  }
+  POLYSLIP_PETSC(KSPSetReusePreconditioner(ksp_, PETSC_TRUE));
+  PC pc = nullptr, displacement = nullptr;
+  PetscInt n = 0;
+  KSP* blocks = nullptr;
+  POLYSLIP_PETSC(KSPGetPC(ksp_, &pc));
+  POLYSLIP_PETSC(PCFieldSplitSchurGetSubKSP(pc, &n, &blocks));
+  POLYSLIP_PETSC(KSPGetPC(blocks[0], &displacement));
+  const bool updates = changes_ && (again || la::HierarchyUpdate::can_update(displacement));
+  // Without an update at hand the block sets itself up when its matrix has changed.
+  POLYSLIP_PETSC(KSPSetReusePreconditioner(blocks[0], updates ? PETSC_TRUE : PETSC_FALSE));
+  if (!again && updates) changes_->apply(displacement);
+  POLYSLIP_PETSC(PetscFree(blocks));
+}
+
+void CoupledSolver::matrix_changed(const std::vector<ContactState>& states, bool everywhere) {
+  long long changed = 0;
+  for (std::size_t f = 0; f < states.size(); ++f) changed += everywhere || states_of_matrix_.empty() || states[f] != states_of_matrix_[f] ? 1 : 0;
+  changed = mpi::sum(system_.mesh().comm, changed);
+  states_of_matrix_ = states;
+  changed_since_setup_ += changed;
+  version_ = system_.flow_matrix_version();
+  const bool many = factorises_ && changed_since_setup_ * system_.layout().dim() > 30;
+  const bool costly = iterations_after_setup_ >= 0 && last_iterations_ > 1.5 * iterations_after_setup_ + (factorises_ ? 8 : 10);
+  const bool plain = !factorises_ && fixed_stress_.get() == nullptr;
+  set_up(!has_preconditioner_ || many || costly || plain);
+}
+
+PetscErrorCode CoupledSolver::run(double rtol, double target) {
+  PetscReal user_rtol = 0, dtol = 0;
+  PetscInt max_it = 0;
+  PetscFunctionBeginUser;
+  PetscCall(KSPGetTolerances(ksp_, &user_rtol, nullptr, &dtol, &max_it));
+  PetscCall(KSPSetTolerances(ksp_, std::max(rtol, user_rtol), target, dtol, max_it));
+  PetscCall(KSPSolve(ksp_, rhs_, solution_));
+  PetscCall(KSPSetTolerances(ksp_, user_rtol, target, dtol, max_it));
+  PetscCall(count(ksp_));
+  if (iterations_after_setup_ < 0) iterations_after_setup_ = last_iterations_;
+  PetscFunctionReturn(0);
+}
+
+PetscErrorCode CoupledSolver::solve(Vec f, Vec direction, const assembly::ResidualNorms& norms, double newton_rtol, bool loose) {
+  PetscFunctionBeginUser;
+  const double flow = std::max(norms.flow_floor, newton_rtol * norms.flow_scale) * system_.pressure_scale();
+  const double target = 0.1 * std::min(newton_rtol * norms.momentum_scale, flow);
+  const double rtol = loose && !factorises_ ? loose_rtol_ : 0.0;
+  PetscCallCXX(system_.condense_residual(f, rhs_));
+  PetscCall(run(rtol, target));
+  if (failed_ && is_reused_) {
+    PetscCallCXX(set_up(true));
+    PetscCall(run(rtol, target));
+  }
+  PetscCallCXX(system_.recover(f, solution_, direction));
+  PetscFunctionReturn(0);
+}
+
+}  // namespace polyslip::solver
