@@ -1,0 +1,134 @@
+#include "polyslip/assembly/energy_balance.hpp"
+
+#include <cmath>
+
+#include "polyslip/assembly/mechanics_fields.hpp"
+#include "polyslip/common/mpi.hpp"
+
+namespace polyslip::assembly {
+
+namespace {
+
+/// Local values of a cell: nodes, then bubbles.
+Eigen::VectorXd cell_values(const CellLoop& loop, const spaces::VemCell& vem, std::vector<double>& buffer) {
+  loop.values(vem, buffer);
+  return Eigen::Map<const Eigen::VectorXd>(buffer.data(), static_cast<Eigen::Index>(buffer.size()));
+}
+
+struct CellSums {
+  double elastic = 0;   ///< 1/2 u.Ku
+  double reaction = 0;  ///< Internal forces of cells on prescribed displacements.
+};
+
+/// Over the owned cells; `change` is u^n - u^{n-1}.
+CellSums sum_cells(const CoupledSystem& system, Vec z, Vec change) {
+  const mesh::PolyMesh& mesh = system.mesh().mesh;
+  const int dim = mesh.dim;
+  const CellLoop state(system, z), step(system, change);
+  std::vector<double> q(static_cast<std::size_t>(system.flow().layout().local_size())), buffer, stiffness;
+  la::Handle<Vec> pressures = system.flow().layout().create_vector(), mechanics = system.layout().create_vector();
+  system.split(z, mechanics, pressures);
+  system.flow().layout().gather(pressures, q);
+  spaces::VemCell vem(mesh);
+  CellSums sums;
+  for (Index cell = 0; cell < system.mesh().cells.owned; ++cell) {
+    vem.build(cell);
+    const int n = dim * vem.size();
+    stiffness.resize(static_cast<std::size_t>(n) * static_cast<std::size_t>(n));
+    const physics::Lame& lame = system.moduli()[cell];
+    physics::local_stiffness(dim, vem, lame, physics::stabilisation_factor(lame, system.problem().stabilisation), stiffness);
+    const Eigen::VectorXd u = cell_values(state, vem, buffer);
+    Eigen::VectorXd force = Eigen::Map<const Eigen::MatrixXd>(stiffness.data(), n, n) * u;
+    sums.elastic += 0.5 * u.dot(force);
+    const double push = system.flow().rock()[cell].biot * vem.volume() * q[system.flow().layout().cell(cell)];
+    const Eigen::VectorXd du = cell_values(step, vem, buffer);
+    const auto copies = mesh.copies_of(cell);
+    for (int s = 0; s < vem.n_nodes(); ++s)
+      for (int a = 0; a < dim; ++a)
+        if (system.fixed()[static_cast<std::size_t>(dim) * copies[s] + a])
+          sums.reaction += du[dim * s + a] * (force[dim * s + a] - push * vem.c()[s][a]);
+  }
+  return sums;
+}
+
+struct FaceSums {
+  double contact = 0, reaction = 0, dilation = 0;
+};
+
+FaceSums sum_faces(const CoupledSystem& system, Vec before, Vec after) {
+  const int dim = system.layout().dim();
+  const auto size = static_cast<std::size_t>(dim);
+  MechanicalState old = system.layout().create_state(), now = old;
+  system.layout().gather(before, old);
+  system.layout().gather(after, now);
+  MechanicalState prescribed = system.layout().create_state();  // change of prescribed displacements alone
+  for (std::size_t i = 0; i < prescribed.nodal.size(); ++i)
+    if (system.fixed()[i]) prescribed.nodal[i] = now.nodal[i] - old.nodal[i];
+  const FlowLayout& flow = system.flow().layout();
+  la::Handle<Vec> q = flow.create_vector(), x = system.layout().create_vector();
+  system.split(after, x, q);
+  const VecRead pressure(q);
+  FaceSums sums;
+  for (Index f = 0; f < system.mesh().fractures.owned; ++f) {
+    const ContactFace& face = system.contact_cells().faces()[f];
+    const Vec3 jump = system.contact_cells().jump(f, now), jump_before = system.contact_cells().jump(f, old);
+    Vec3 lam = Vec3::Zero();
+    for (int a = 0; a < dim; ++a) lam[a] = now.multiplier[size * f + a];
+    sums.contact += face.area * lam.dot(jump - jump_before);
+    Vec3 traction = lam;
+    if (flow.with_fractures()) {
+      const Index k = flow.fracture(f);
+      traction[0] += pressure[k];
+      const Vec3& start = system.initial_jumps()[f];
+      const auto slipped = [&](const Vec3& j) { return std::hypot(j[1] - start[1], j[2] - start[2]); };
+      sums.dilation += face.area * pressure[k] * system.flow().fractures()[f].dilation * (slipped(jump) - slipped(jump_before));
+    }
+    sums.reaction += face.area * traction.dot(system.contact_cells().jump(f, prescribed));
+  }
+  return sums;
+}
+
+/// Loads on free displacements; what p_ref does is among them, and nowhere else in the books.
+double load_work(const CoupledSystem& system, Vec change) {
+  const VecRead du(change);
+  const Layout& layout = system.layout();
+  double work = 0;
+  for (Index i = 0; i < layout.nodal_size(); ++i)
+    if (!system.fixed()[i]) work += system.loads().nodal[i] * du[i];
+  for (Index i = 0; i < layout.fracture_size(); ++i) work += system.loads().bubble[i] * du[layout.bubble_start() + i];
+  return work;
+}
+
+}  // namespace
+
+double EnergyStep::turnover() const {
+  return std::abs(change) + std::abs(contact) + std::abs(dilation) + std::abs(darcy) + std::abs(work);
+}
+
+double elastic_energy(const CoupledSystem& system, Vec z) { return mpi::sum(system.mesh().comm, sum_cells(system, z, z).elastic); }
+
+EnergyStep energy_of_step(const CoupledSystem& system, Vec before, Vec after, double elastic_before) {
+  la::Handle<Vec> change = system.create_vector();
+  POLYSLIP_PETSC(VecWAXPY(change, -1.0, before, after));
+  const CellSums cells = sum_cells(system, after, change);
+  const FaceSums faces = sum_faces(system, before, after);
+  std::array<double, 4> sums{cells.elastic, faces.contact, faces.dilation, cells.reaction + faces.reaction + load_work(system, change)};
+  mpi::sum_in_place(system.mesh().comm, sums);
+
+  const FlowSystem& flow = system.flow();
+  la::Handle<Vec> x = system.layout().create_vector(), q_before = flow.layout().create_vector(), q = flow.layout().create_vector();
+  system.split(before, x, q_before);
+  system.split(after, x, q);
+  const double dt = flow.time_step();
+  EnergyStep step;
+  step.elastic = sums[0];
+  step.fluid = flow.stored_energy(q);
+  step.change = step.elastic - elastic_before + step.fluid - flow.stored_energy(q_before);
+  step.contact = sums[1];
+  step.dilation = sums[2];
+  step.darcy = dt * flow.fluxes().dissipation(q).total();
+  step.work = sums[3] + dt * flow.power_input(q);
+  return step;
+}
+
+}  // namespace polyslip::assembly
