@@ -1,6 +1,7 @@
 #include "polyslip/assembly/flow_fields.hpp"
 
 #include <cmath>
+#include <limits>
 
 #include "polyslip/common/mpi.hpp"
 
@@ -33,6 +34,11 @@ class Gradients {
   }
   [[nodiscard]] const spaces::HfvCell& element() const { return hfv_; }
   [[nodiscard]] double cell_value(Index cell) const { return q_[system_.layout().cell(cell)]; }
+  /// p at a point by the unknowns of a cell.
+  double pressure(Index cell, const Vec3& at) {
+    const Vec3 gradient = in_cell(cell);
+    return cell_value(cell) + gradient.dot(at - hfv_.centre()) + system_.reference_at(at);
+  }
   /// V_K
   Vec3 flux(Index cell) { return -system_.rock()[cell].permeability / system_.problem().viscosity * in_cell(cell); }
 
@@ -89,6 +95,26 @@ std::vector<double> fracture_fluxes(const FlowSystem& system, Vec q) {
   for (Index f = 0; system.layout().with_fractures() && f < system.mesh().fractures.owned; ++f)
     append(fluxes, -system.conductivities()[f].along * gradients.in_fracture_face(f));
   return fluxes;
+}
+
+PressureExtremes pressure_extremes(const FlowSystem& system, Vec q) {
+  const MPI_Comm comm = system.mesh().comm;
+  const std::vector<double> p = cell_pressures(system, q);
+  double low = std::numeric_limits<double>::infinity(), high = -low;
+  std::array<double, 2> sums{};
+  for (std::size_t cell = 0; cell < p.size(); ++cell) {
+    low = std::min(low, p[cell]);
+    high = std::max(high, p[cell]);
+    sums[0] += system.fluxes().volumes()[cell] * p[cell];
+    sums[1] += system.fluxes().volumes()[cell];
+  }
+  mpi::sum_in_place(comm, sums);
+  return {mpi::min(comm, low), mpi::max(comm, high), sums[0] / sums[1]};
+}
+
+double PressureProbe::pressure(const FlowSystem& system, Vec q) const {
+  Gradients gradients(system, q);
+  return mpi::sum(system.mesh().comm, cell_ >= 0 ? gradients.pressure(cell_, at_) : 0.0);
 }
 
 FlowErrorNorms flow_error_norms(const FlowSystem& system, const physics::ExactFlow& exact, double time, Vec q) {

@@ -170,7 +170,7 @@ double FlowSystem::round_off(Vec q) {
   POLYSLIP_PETSC(MatGetDiagonal(matrix(), work_));
   POLYSLIP_PETSC(VecPointwiseMult(work_, work_, q));
   PetscReal norm = 0;
-  POLYSLIP_PETSC(VecNorm(work_, NORM_2, &norm));
+  POLYSLIP_PETSC(VecNorm(work_, NORM_1, &norm));
   return std::numeric_limits<double>::epsilon() * norm;
 }
 

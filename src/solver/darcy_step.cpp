@@ -1,5 +1,7 @@
 #include "polyslip/solver/darcy_step.hpp"
 
+#include "polyslip/la/log_stage.hpp"
+
 namespace polyslip::solver {
 
 DarcyStep::DarcyStep(assembly::FlowSystem& system, FlowSolver& solver, double start)
@@ -12,6 +14,7 @@ StepOutcome DarcyStep::attempt(double from, double to, double) {
   system_.set_loads(system_.load_assembler().at(to));
   system_.set_time_step(settled_size(to - from, system_.time_step()));
   POLYSLIP_PETSC(VecCopy(accepted_, trial_));
+  const la::LogStage stage("solve", seconds_);
   const FlowStep solved = solver_.step(trial_);
   if (!solved.converged) POLYSLIP_PETSC(VecCopy(accepted_, trial_));
   return {solved.converged, 1, solved.iterations, solved.message};

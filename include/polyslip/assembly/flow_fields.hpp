@@ -5,6 +5,7 @@
 #include <vector>
 
 #include "polyslip/assembly/flow_system.hpp"
+#include "polyslip/assembly/point_location.hpp"
 
 namespace polyslip::assembly {
 
@@ -20,6 +21,23 @@ std::vector<double> fracture_pressures(const FlowSystem& system, Vec q);
 /// V_f = -(C_f/eta) G_sigma q of each owned fracture face [m2/s], Cartesian, three components each; empty where fractures carry no
 /// fluid.
 std::vector<double> fracture_fluxes(const FlowSystem& system, Vec q);
+
+/// Of p_K over all ranks; the mean is weighted by volume [Pa].
+struct PressureExtremes {
+  double min = 0, max = 0, mean = 0;
+};
+PressureExtremes pressure_extremes(const FlowSystem& system, Vec q);
+
+/// p_K + G_K q.(x - x_K) at a point, on all ranks [Pa]: of the cell that holds the point, or comes closest to it. Collective.
+class PressureProbe {
+ public:
+  PressureProbe(const mesh::DistributedMesh& mesh, const Vec3& at) : at_(at), cell_(locate_in_cells(mesh, at).local) {}
+  [[nodiscard]] double pressure(const FlowSystem& system, Vec q) const;
+
+ private:
+  Vec3 at_;
+  Index cell_;  ///< Owned cell, -1 on the other ranks.
+};
 
 /// Relative L2 errors over the rock by rules of degree 2: of p_K + G_K q.(x - x_K) (and p_ref where it is given), and of V_K. Each
 /// is |error|/|exact|, or |error| where the exact field vanishes. Only what `exact` gives is compared.

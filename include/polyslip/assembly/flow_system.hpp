@@ -65,7 +65,8 @@ class FlowSystem {
   [[nodiscard]] long long matrix_version() const { return matrix_version_; }
   /// f = D (q - q_previous) + dt (H q - Q) on free unknowns, 0 on prescribed ones (q must have its values).
   void residual(Vec q, Vec q_previous, Vec f) const;
-  /// What the digits of q leave in the residual whatever is solved [m3]: the norm of eps S_ii q_i. No solver gets below.
+  /// What the digits of q leave in the residual whatever is solved [m3]: sum eps |S_ii q_i|. No solver brings the 1-norm much
+  /// below.
   [[nodiscard]] double round_off(Vec q);
   /// Diagonal of D [m3/Pa].
   [[nodiscard]] Vec storage() const { return storage_; }

@@ -18,6 +18,7 @@ class DarcyStep : public StepProblem {
 
   [[nodiscard]] Vec trial() const { return trial_; }  ///< q = p - p_ref in the order of FlowLayout.
   [[nodiscard]] Vec accepted() const { return accepted_; }
+  [[nodiscard]] double seconds() const { return seconds_; }  ///< Spent in the linear solver.
 
   /// The accepted state, at `time` and reached by a step of `size`, is what the caller has written into accepted().
   void restore(double time, double size);
@@ -26,6 +27,7 @@ class DarcyStep : public StepProblem {
   assembly::FlowSystem& system_;
   FlowSolver& solver_;
   la::Handle<Vec> trial_, accepted_;
+  double seconds_ = 0;
 };
 
 }  // namespace polyslip::solver

@@ -1,8 +1,9 @@
 // Solves one step of flow alone (options prefix pressure_).
 //
-// Defaults by size and dimension: a sparse Cholesky factorisation (MUMPS) with one step of iterative refinement where it is
-// cheapest, else conjugate gradients with algebraic multigrid. Either is set up again only when the matrix changes: with the
-// apertures or the time step.
+// Defaults by size and dimension: a sparse Cholesky factorisation (MUMPS) where it is cheapest, else conjugate gradients with
+// algebraic multigrid (BoomerAMG). Either is set up again only when the matrix changes: with the apertures or the time step. A step
+// ends when no row loses fluid beyond 1e-11 of what flows and is stored, or what the digits of the pressures leave: solves of 1e-8
+// are repeated on what is left.
 #pragma once
 
 #include <string>

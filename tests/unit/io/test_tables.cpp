@@ -35,6 +35,20 @@ TEST(csv, rows_are_on_disk_while_the_table_is_open) {
   EXPECT_EQ(content(directory.path() / "t.csv"), "a\n7\n");
 }
 
+TEST(csv, goes_on_behind_the_rows_of_an_earlier_run_up_to_a_step) {
+  const test::TemporaryDirectory directory(MPI_COMM_SELF);
+  const auto file = directory.path() / "t.csv";
+  std::ofstream(file) << "step,a\n1,0.1\n2,0.30000000000000004\n2,7\n3,4\n2,un";  // the run was killed in its last row
+  io::CsvTable(file, {"step", "a"}, 2).row({3, 5});
+  EXPECT_EQ(content(file), "step,a\n1,0.1\n2,0.30000000000000004\n2,7\n3,5\n");
+  io::CsvTable(file, {"step", "b", "a"}, 1).row({2, 8, 9});
+  EXPECT_EQ(content(file), "step,b,a\n1,nan,0.1\n2,8,9\n") << "columns are known by name";
+  io::CsvTable(directory.path() / "new.csv", {"step"}, 5).row({6});
+  EXPECT_EQ(content(directory.path() / "new.csv"), "step\n6\n") << "there need not be an earlier run";
+  io::CsvTable(file, {"step"}).row({1});
+  EXPECT_EQ(content(file), "step\n1\n") << "or its rows may not be wanted";
+}
+
 TEST(csv, a_default_table_writes_nothing) {
   io::CsvTable table;
   EXPECT_NO_THROW(table.row({1, 2, 3}));

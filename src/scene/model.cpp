@@ -1,0 +1,106 @@
+#include "polyslip/scene/model.hpp"
+
+#include <algorithm>
+#include <cmath>
+
+#include "polyslip/common/error.hpp"
+
+namespace polyslip::scene {
+
+namespace {
+
+/// energy - energy_before + dissipated - work, where it is positive, relative to all of them.
+double violation(double energy, double before, double dissipated, double work) {
+  const double scale = std::abs(energy) + std::abs(before) + std::abs(dissipated) + std::abs(work);
+  return scale > 0 ? std::max(0.0, energy - before + dissipated - work) / scale : 0;
+}
+
+}  // namespace
+
+Model::Model(const mesh::DistributedMesh& mesh, const Scene& scene) : mesh_(mesh) {
+  if (scene.has_mechanics && scene.flow)
+    throw InputError("mechanics and flow in one scene cannot be computed yet", scene.path.string(), "Remove one of them");
+  if (scene.has_mechanics) {
+    mechanics_ = std::make_unique<assembly::MechanicsSystem>(mesh, scene.mechanics);
+    set_up_mechanics();
+  } else {
+    flow_ = std::make_unique<assembly::FlowSystem>(mesh, *scene.flow);
+    set_up_flow(scene.time.start);
+  }
+}
+
+void Model::set_up_mechanics() {
+  newton_ = std::make_unique<solver::ContactNewton>(*mechanics_);
+  auto step = std::make_unique<solver::MechanicsStep>(*mechanics_, *newton_);
+  mechanics_step_ = step.get();
+  displacement_ = {step->trial(), step->accepted()};
+  steps_ = std::move(step);
+}
+
+void Model::set_up_flow(double start) {
+  flow_solver_ = std::make_unique<solver::FlowSolver>(*flow_);
+  auto step = std::make_unique<solver::DarcyStep>(*flow_, *flow_solver_, start);
+  darcy_step_ = step.get();
+  pressure_ = {step->trial(), step->accepted()};
+  steps_ = std::move(step);
+}
+
+std::vector<double> Model::apertures() const {
+  std::vector<double> apertures;
+  if (flow_ && flow_->layout().with_fractures())
+    for (Index f = 0; f < flow_->mesh().fractures.owned; ++f) apertures.push_back(flow_->fractures()[f].contact_aperture);
+  return apertures;
+}
+
+std::vector<std::string> Model::book_names(const Scene& scene) {
+  if (!scene.flow) return {};
+  return {"stored_volume",     "injected_volume",      "outflow_volume",      "mass_error", "fluid_energy",
+          "dissipated_matrix", "dissipated_interface", "dissipated_fracture", "work"};
+}
+
+std::optional<Books> Model::books(double size) const {
+  if (!flow_) return std::nullopt;
+  const double duration = flow_->problem().stationary ? 1 : size;  // a stationary state: what one second does
+  const assembly::FluidBalance fluid = flow_->balance(pressure_.trial, pressure_.accepted);
+  const assembly::Dissipation power = flow_->fluxes().dissipation(pressure_.trial);
+  const double energy = flow_->stored_energy(pressure_.trial), before = flow_->stored_energy(pressure_.accepted);
+  const double work = duration * flow_->power_input(pressure_.trial);
+  Books books;
+  books.mass_error = fluid.turnover > 0 ? std::abs(fluid.error()) / fluid.turnover : 0;
+  books.energy_violation = violation(energy, before, duration * power.total(), work);
+  books.values = {fluid.stored,
+                  fluid.injected,
+                  fluid.outflow,
+                  books.mass_error,
+                  energy,
+                  duration * power.matrix,
+                  duration * power.interface,
+                  duration * power.fracture,
+                  work};
+  return books;
+}
+
+std::vector<std::string> Model::linear_choices() const {
+  std::vector<std::string> choices;
+  if (newton_) choices.push_back(newton_->linear_choice());
+  if (flow_solver_) choices.push_back(flow_solver_->choice());
+  return choices;
+}
+
+solver::LinearCounts Model::linear_counts() const { return newton_ ? newton_->linear_counts() : flow_solver_->counts(); }
+
+double Model::seconds_solving() const { return newton_ ? newton_->seconds().solve : darcy_step_->seconds(); }
+
+Model::Memory Model::memory() const {
+  Memory memory;
+  if (mechanics_step_) memory.load_fraction = mechanics_step_->load_fraction();
+  if (flow_) memory.flow_step = flow_->time_step();
+  return memory;
+}
+
+void Model::resume(double time, const Memory& memory) {
+  if (mechanics_step_) mechanics_step_->restore(time, memory.load_fraction);
+  if (darcy_step_) darcy_step_->restore(time, memory.flow_step);
+}
+
+}  // namespace polyslip::scene

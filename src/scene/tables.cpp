@@ -1,0 +1,80 @@
+#include "polyslip/scene/tables.hpp"
+
+#include "polyslip/common/mpi.hpp"
+
+namespace polyslip::scene {
+
+namespace {
+
+std::vector<std::string> history_columns(const Scene& scene) {
+  std::vector<std::string> columns{"step", "time",  "step_size", "newton",   "krylov",
+                                   "open", "stick", "slip",      "max_slip", "max_opening"};
+  for (const Probe& probe : scene.output.probes)
+    for (const char* c : {"_ux", "_uy", "_uz"})
+      if (scene.has_mechanics) columns.push_back(probe.name + c);
+  if (!scene.flow) return columns;
+  const auto books = Model::book_names(scene);
+  columns.insert(columns.end(), books.begin(), books.end());
+  columns.insert(columns.end(), {"min_pressure", "mean_pressure", "max_pressure"});
+  for (const Probe& probe : scene.output.probes) columns.push_back(probe.name + "_p");
+  return columns;
+}
+
+const std::vector<std::string> newton_columns{"step",  "iteration", "residual_momentum", "residual_contact", "open",
+                                              "stick", "slip",      "changed",           "step_length",      "krylov"};
+
+double number(long long count) { return static_cast<double>(count); }
+
+}  // namespace
+
+StepFigures figures_of(const Model& model, double size) {
+  StepFigures figures;
+  if (model.has_contact()) {
+    const assembly::MechanicsSystem& system = *model.mechanics();
+    figures.fractures = assembly::fracture_values(system, model.displacement().trial);
+    figures.extremes = assembly::fracture_extremes(system, figures.fractures);
+    figures.counts = system.count(system.states(model.displacement().trial));
+  }
+  if (model.flow()) figures.pressure = assembly::pressure_extremes(*model.flow(), model.pressure().trial);
+  figures.books = model.books(size);
+  return figures;
+}
+
+Tables::Tables(const mesh::DistributedMesh& mesh, const Scene& scene, const std::filesystem::path& directory,
+               std::optional<double> kept_steps)
+    : has_mechanics_(scene.has_mechanics), has_flow_(scene.flow.has_value()) {
+  for (const Probe& probe : scene.output.probes) {
+    if (has_mechanics_) displacement_probes_.emplace_back(mesh, probe.at);
+    if (has_flow_) pressure_probes_.emplace_back(mesh, probe.at);
+  }
+  mpi::on_root(mesh.comm, [&] {
+    history_ = io::CsvTable(directory / "history.csv", history_columns(scene), kept_steps);
+    newton_ = io::CsvTable(directory / "newton.csv", newton_columns, kept_steps);
+  });
+}
+
+void Tables::step(const Model& model, const solver::StepRecord& record, const StepFigures& figures) {
+  const auto& faces = figures.counts.faces;
+  std::vector<double> row{
+      number(record.number), record.time,      record.size,      number(record.newton),     number(record.krylov),
+      number(faces[0]),      number(faces[1]), number(faces[2]), figures.extremes.max_slip, figures.extremes.max_opening};
+  for (const assembly::PointProbe& probe : displacement_probes_) {
+    const Vec3 u = probe.displacement(*model.mechanics(), model.displacement().trial);
+    row.insert(row.end(), {u[0], u[1], u[2]});
+  }
+  if (has_flow_) {
+    row.insert(row.end(), figures.books->values.begin(), figures.books->values.end());
+    row.insert(row.end(), {figures.pressure->min, figures.pressure->mean, figures.pressure->max});
+  }
+  for (const assembly::PressureProbe& probe : pressure_probes_)
+    row.push_back(probe.pressure(*model.flow(), model.pressure().trial));
+  history_.row(row);
+}
+
+void Tables::newton(int step, const solver::NewtonRecord& r) {
+  const auto& faces = r.counts.faces;
+  newton_.row({number(step), number(r.iteration), r.momentum, r.contact, number(faces[0]), number(faces[1]), number(faces[2]),
+               number(r.changed), r.step_length, number(r.krylov)});
+}
+
+}  // namespace polyslip::scene
