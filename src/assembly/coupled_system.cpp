@@ -50,7 +50,6 @@ CoupledSystem::CoupledSystem(const mesh::DistributedMesh& mesh, const physics::M
     : MechanicsSystem(mesh, problem),
       flow_(flow),
       is_linear_off_contact_(linear_off_contact(flow)),
-      initial_(static_cast<std::size_t>(mesh.fractures.local()), Vec3::Zero()),
       q_previous_(flow.layout().create_vector()),
       q_work_(flow.layout().create_vector()),
       f_work_(flow.layout().create_vector()),
@@ -99,6 +98,9 @@ void CoupledSystem::split(Vec z, Vec x, Vec q) const {
 
 void CoupledSystem::gather(Vec z, MechanicalState& state) const {
   MechanicsSystem::gather(z, state);
+  PetscInt n = 0;
+  POLYSLIP_PETSC(VecGetLocalSize(z, &n));
+  if (mpi::any(mesh().comm, n < size())) return;
   state.pressure.resize(static_cast<std::size_t>(flow_.layout().local_size()));
   const VecRead a(z);
   std::copy_n(a.data() + layout().size(), flow_.layout().size(), state.pressure.begin());
@@ -178,7 +180,8 @@ void CoupledSystem::add_fluid_forces(const MechanicalState& state, std::span<dou
 
 double CoupledSystem::aperture(Index face, const Vec3& jump) const {
   const physics::FractureHydraulics& fracture = flow_.fractures()[face];
-  return fracture.contact_aperture - jump[0] + fracture.dilation * std::hypot(jump[1] - initial_[face][1], jump[2] - initial_[face][2]);
+  const Vec3& start = initial_jumps()[face];
+  return fracture.contact_aperture - jump[0] + fracture.dilation * std::hypot(jump[1] - start[1], jump[2] - start[2]);
 }
 
 void CoupledSystem::volumes(const MechanicalState& state, std::vector<double>& cell_volumes, std::vector<double>& face_volumes) const {
@@ -473,7 +476,7 @@ void CoupledSystem::linearise_apertures(Vec z) {
   for (Index f = 0; f < mesh().fractures.local(); ++f) {
     if (contact_cells().faces()[f].cell < 0) continue;
     const Vec3 jump = contact_cells().jump(f, state_);
-    const Eigen::Vector2d slip(jump[1] - initial_[f][1], jump[2] - initial_[f][2]);
+    const Eigen::Vector2d slip = (jump - initial_jumps()[f]).tail<2>();
     const double length = slip.norm(), dilation = flow_.fractures()[f].dilation;
     ApertureLinearisation& a = apertures[f];
     a.d_jump = Vec3(-1, 0, 0);

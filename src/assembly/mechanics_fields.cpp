@@ -1,6 +1,7 @@
 #include "polyslip/assembly/mechanics_fields.hpp"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <limits>
 
@@ -21,7 +22,7 @@ std::vector<FractureFaceValues> fracture_values(const MechanicsSystem& system, V
     Vec3 lam = Vec3::Zero();
     for (int a = 0; a < dim; ++a) lam[a] = state.multiplier[static_cast<std::size_t>(dim) * f + a];
     const auto tangential = [&](const Vec3& v) { return Vec3(frame.transpose() * Vec3(0, v[1], v[2])); };
-    values.push_back({states[f], lam[0], tangential(lam), jump[0], tangential(jump)});
+    values.push_back({states[f], lam[0], tangential(lam), jump[0], tangential(jump), (jump - system.initial_jumps()[f]).tail<2>().norm()});
   }
   return values;
 }
@@ -66,11 +67,16 @@ std::vector<double> copy_displacements(const MechanicsSystem& system, Vec x) {
 
 FractureExtremes fracture_extremes(const MechanicsSystem& system, std::span<const FractureFaceValues> values) {
   FractureExtremes e;
-  for (const FractureFaceValues& v : values) {
-    e.max_slip = std::max(e.max_slip, v.jump_tangential.norm());
-    e.max_opening = std::max(e.max_opening, -v.jump_normal);
+  std::array<double, 2> integrals{};
+  for (std::size_t f = 0; f < values.size(); ++f) {
+    const double area = system.contact_cells().faces()[f].area;
+    e.max_slip = std::max(e.max_slip, values[f].slip);
+    e.max_opening = std::max(e.max_opening, -values[f].jump_normal);
+    integrals[0] += area * values[f].slip;
+    integrals[1] -= area * values[f].jump_normal;
   }
-  return {mpi::max(system.mesh().comm, e.max_slip), mpi::max(system.mesh().comm, e.max_opening)};
+  mpi::sum_in_place(system.mesh().comm, integrals);
+  return {mpi::max(system.mesh().comm, e.max_slip), mpi::max(system.mesh().comm, e.max_opening), integrals[0], integrals[1]};
 }
 
 PointProbe::PointProbe(const mesh::DistributedMesh& mesh, const Vec3& at) : at_(at) {

@@ -126,6 +126,7 @@ MechanicsSystem::MechanicsSystem(const mesh::DistributedMesh& mesh, const physic
       cells_(mesh, moduli_, problem.stabilisation),
       load_assembler_(mesh, problem, layout_, cells_),
       beta_scale_(problem.beta_scale),
+      initial_(static_cast<std::size_t>(mesh.fractures.local()), Vec3::Zero()),
       previous_(static_cast<std::size_t>(mesh.fractures.local()), Vec3::Zero()),
       law_(static_cast<std::size_t>(mesh.fractures.local())),
       work_(layout_.create_state()),

@@ -4,6 +4,7 @@
 #include <cmath>
 
 #include "polyslip/common/error.hpp"
+#include "polyslip/solver/coupled_solver.hpp"
 
 namespace polyslip::scene {
 
@@ -18,9 +19,9 @@ double violation(double energy, double before, double dissipated, double work) {
 }  // namespace
 
 Model::Model(const mesh::DistributedMesh& mesh, const Scene& scene) : mesh_(mesh) {
-  if (scene.has_mechanics && scene.flow)
-    throw InputError("mechanics and flow in one scene cannot be computed yet", scene.path.string(), "Remove one of them");
-  if (scene.has_mechanics) {
+  if (scene.has_mechanics && scene.flow) {
+    set_up_coupled(scene);
+  } else if (scene.has_mechanics) {
     mechanics_ = std::make_unique<assembly::MechanicsSystem>(mesh, scene.mechanics);
     set_up_mechanics();
   } else {
@@ -45,7 +46,29 @@ void Model::set_up_flow(double start) {
   steps_ = std::move(step);
 }
 
+void Model::set_up_coupled(const Scene& scene) {
+  if (scene.mechanics.formulation == physics::Formulation::saddle)
+    throw InputError("contact.formulation is saddle, but flow is only computed with condensed bubbles and multipliers", scene.path.string(),
+                     "Set contact.formulation: condensed");
+  flow_ = std::make_unique<assembly::FlowSystem>(mesh_, *scene.flow);
+  auto system = std::make_unique<assembly::CoupledSystem>(mesh_, scene.mechanics, *flow_);
+  newton_ = std::make_unique<solver::ContactNewton>(*system, std::make_unique<solver::CoupledSolver>(*system));
+  auto step = std::make_unique<solver::CoupledStep>(*system, *newton_, scene.time.start);
+  mechanics_ = std::move(system);
+  coupled_step_ = step.get();
+  displacement_ = {step->trial(), step->accepted()};
+  pressure_ = {step->trial_pressure(), step->accepted_pressure()};
+  steps_ = std::move(step);
+  if (scene.initial.equilibrium) equilibrium_at_ = scene.time.start;
+}
+
+solver::StepOutcome Model::find_equilibrium(const std::function<void(const solver::NewtonRecord&)>& monitor) {
+  if (!equilibrium_at_) return {true, 0, 0, ""};
+  return coupled_step_->start_from_equilibrium(*equilibrium_at_, monitor);
+}
+
 std::vector<double> Model::apertures() const {
+  if (coupled_step_ != nullptr && flow_->layout().with_fractures()) return coupled_step_->trial_apertures();
   std::vector<double> apertures;
   if (flow_ && flow_->layout().with_fractures())
     for (Index f = 0; f < flow_->mesh().fractures.owned; ++f) apertures.push_back(flow_->fractures()[f].contact_aperture);
@@ -54,12 +77,15 @@ std::vector<double> Model::apertures() const {
 
 std::vector<std::string> Model::book_names(const Scene& scene) {
   if (!scene.flow) return {};
-  return {"stored_volume",     "injected_volume",      "outflow_volume",      "mass_error", "fluid_energy",
-          "dissipated_matrix", "dissipated_interface", "dissipated_fracture", "work"};
+  std::vector<std::string> names{"stored_volume",     "injected_volume",      "outflow_volume",      "mass_error", "fluid_energy",
+                                 "dissipated_matrix", "dissipated_interface", "dissipated_fracture", "work"};
+  if (scene.has_mechanics) names.insert(names.end(), {"elastic_energy", "contact_work", "dilation_work", "energy_violation"});
+  return names;
 }
 
 std::optional<Books> Model::books(double size) const {
   if (!flow_) return std::nullopt;
+  if (coupled_step_ != nullptr) return coupled_books();
   const double duration = flow_->problem().stationary ? 1 : size;  // a stationary state: what one second does
   const assembly::FluidBalance fluid = flow_->balance(pressure_.trial, pressure_.accepted);
   const assembly::Dissipation power = flow_->fluxes().dissipation(pressure_.trial);
@@ -77,6 +103,30 @@ std::optional<Books> Model::books(double size) const {
                   duration * power.interface,
                   duration * power.fracture,
                   work};
+  return books;
+}
+
+Books Model::coupled_books() const {
+  const auto& [energy, fluid] = coupled_step_->books();
+  const assembly::Dissipation power = flow_->fluxes().dissipation(pressure_.trial);
+  const double dt = flow_->time_step();
+  Books books;
+  books.mass_error = fluid.turnover > 0 ? std::abs(fluid.error()) / fluid.turnover : 0;
+  const double scale = energy.elastic + energy.fluid + energy.turnover();
+  books.energy_violation = scale > 0 ? std::max(0.0, energy.excess()) / scale : 0;
+  books.values = {fluid.stored,
+                  fluid.injected,
+                  fluid.outflow,
+                  books.mass_error,
+                  energy.fluid,
+                  dt * power.matrix,
+                  dt * power.interface,
+                  dt * power.fracture,
+                  energy.work,
+                  energy.elastic,
+                  energy.contact,
+                  energy.dilation,
+                  books.energy_violation};
   return books;
 }
 
@@ -101,6 +151,7 @@ Model::Memory Model::memory() const {
 void Model::resume(double time, const Memory& memory) {
   if (mechanics_step_) mechanics_step_->restore(time, memory.load_fraction);
   if (darcy_step_) darcy_step_->restore(time, memory.flow_step);
+  if (coupled_step_) coupled_step_->restore(time, memory.flow_step);
 }
 
 }  // namespace polyslip::scene

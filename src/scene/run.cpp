@@ -118,6 +118,9 @@ solver::StepperResult Run::step() {
   begin_time_ = stepper_->state().time;
   double seconds = 0;
   const la::LogStage stage("contact", seconds);
+  const solver::StepOutcome start = model_->find_equilibrium([this](const solver::NewtonRecord& record) { on_newton(record); });
+  if (!start.converged)
+    return {solver::StepperResult::End::diverged, "no equilibrium to start from: " + start.message};
   return stepper_->run();
 }
 

@@ -8,7 +8,8 @@ namespace {
 
 std::vector<std::string> history_columns(const Scene& scene) {
   std::vector<std::string> columns{"step", "time",  "step_size", "newton",   "krylov",
-                                   "open", "stick", "slip",      "max_slip", "max_opening"};
+                                   "open", "stick", "slip",      "max_slip", "max_opening",
+                                   "slip_integral", "opening_integral"};
   for (const Probe& probe : scene.output.probes)
     for (const char* c : {"_ux", "_uy", "_uz"})
       if (scene.has_mechanics) columns.push_back(probe.name + c);
@@ -57,7 +58,8 @@ void Tables::step(const Model& model, const solver::StepRecord& record, const St
   const auto& faces = figures.counts.faces;
   std::vector<double> row{
       number(record.number), record.time,      record.size,      number(record.newton),     number(record.krylov),
-      number(faces[0]),      number(faces[1]), number(faces[2]), figures.extremes.max_slip, figures.extremes.max_opening};
+      number(faces[0]),      number(faces[1]), number(faces[2]), figures.extremes.max_slip, figures.extremes.max_opening,
+      figures.extremes.slip_integral, figures.extremes.opening_integral};
   for (const assembly::PointProbe& probe : displacement_probes_) {
     const Vec3 u = probe.displacement(*model.mechanics(), model.displacement().trial);
     row.insert(row.end(), {u[0], u[1], u[2]});

@@ -68,6 +68,12 @@ void CoupledStep::close_books() {
   books_.fluid.turnover += system_.volume_turnover(z_);
 }
 
+std::vector<double> CoupledStep::trial_apertures() const {
+  std::vector<double> apertures = system_.apertures(z_);
+  apertures.resize(static_cast<std::size_t>(system_.mesh().fractures.owned));
+  return apertures;
+}
+
 void CoupledStep::accept() {
   POLYSLIP_PETSC(VecCopy(z_, accepted_z_));
   system_.split(accepted_z_, accepted_x_, accepted_q_);

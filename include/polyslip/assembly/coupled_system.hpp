@@ -34,9 +34,6 @@ class CoupledSystem final : public MechanicsSystem {
   void split(Vec z, Vec x, Vec q) const;
 
   // --- the step ---
-  /// Jumps from which shear dilation counts, one a local fracture face; zero at first.
-  void set_initial_jumps(std::span<const Vec3> jumps) { initial_.assign(jumps.begin(), jumps.end()); }
-  [[nodiscard]] std::span<const Vec3> initial_jumps() const { return initial_; }
   /// The step starts from z: its pressures, pore volumes, apertures (also those that conduct, unless conductivities are current).
   /// False, on all ranks, where an aperture is not positive.
   [[nodiscard]] bool begin_step(Vec z, double dt);
@@ -72,6 +69,7 @@ class CoupledSystem final : public MechanicsSystem {
   [[nodiscard]] long long flow_matrix_version() const { return flow_matrix_version_; }
 
  protected:
+  /// Also of a Vec without pressures; those of the state then stay.
   void gather(Vec z, MechanicalState& state) const override;
   void scatter(const MechanicalState& state, Vec z) const override;
 
@@ -100,7 +98,6 @@ class CoupledSystem final : public MechanicsSystem {
   bool is_linear_off_contact_;
   Csr bulk_cells_;                ///< One row a bulk cell with a Biot coefficient that matters here: [cell, copies ...].
   std::vector<double> biot_;      ///< b|K| c_j of its nodes, dim components each, one cell behind the other [m2; 2D: m].
-  std::vector<Vec3> initial_;
   la::Handle<Vec> q_previous_;
   std::vector<double> pore_previous_, aperture_previous_;  ///< b|K| div_K u^{n-1} of owned cells; |sigma| d_f^{n-1} of owned faces.
   std::optional<la::SumMatrix> up_, pu_, pp_;

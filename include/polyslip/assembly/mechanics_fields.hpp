@@ -14,6 +14,7 @@ struct FractureFaceValues {
   Vec3 traction_tangential;  ///< lam_t [Pa], Cartesian.
   double jump_normal;        ///< [u]_n [m], opening negative.
   Vec3 jump_tangential;      ///< [u]_t [m], Cartesian.
+  double slip;               ///< |[u]_t - [u]_t^0| [m], from the initial state of the run.
 };
 
 /// All owned fracture faces, in their order.
@@ -39,7 +40,8 @@ std::vector<double> copy_displacements(const MechanicsSystem& system, Vec x);
 
 /// Largest slip |[u]_t| and opening max(0, -[u]_n) over all ranks [m].
 struct FractureExtremes {
-  double max_slip = 0, max_opening = 0;
+  double max_slip = 0, max_opening = 0;            ///< [m]
+  double slip_integral = 0, opening_integral = 0;  ///< Over all fractures [m3; 2D: m2].
 };
 FractureExtremes fracture_extremes(const MechanicsSystem& system, std::span<const FractureFaceValues> values);
 

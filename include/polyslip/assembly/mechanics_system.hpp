@@ -64,6 +64,9 @@ class MechanicsSystem {
   void set_previous_jumps(Vec x);
   [[nodiscard]] std::span<const Vec3> previous_jumps() const { return previous_; }
   void set_previous_jumps(std::span<const Vec3> jumps);
+  /// Jumps from which slip and shear dilation count, one a local fracture face; zero at first.
+  void set_initial_jumps(std::span<const Vec3> jumps) { initial_.assign(jumps.begin(), jumps.end()); }
+  [[nodiscard]] std::span<const Vec3> initial_jumps() const { return initial_; }
   /// beta_n = beta_t = scale (2 mu + lambda)/h_K
   void set_beta_scale(double scale) { beta_scale_ = scale; }
   [[nodiscard]] double beta_scale() const { return beta_scale_; }
@@ -149,6 +152,7 @@ class MechanicsSystem {
   double beta_scale_ = 0.1, theta_ = 1, friction_factor_ = 1;
   bool friction_is_lagged_ = false;
   std::vector<double> lagged_bounds_;  ///< g by local fracture face [Pa]
+  std::vector<Vec3> initial_;   ///< J_sigma u^0 by local fracture face.
   std::vector<Vec3> previous_;  ///< J_sigma u^{n-1} by local fracture face.
   std::vector<physics::ContactLinearisation> law_;
 

@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "polyslip/scene/scene.hpp"
+#include "polyslip/solver/coupled_step.hpp"
 #include "polyslip/solver/darcy_step.hpp"
 #include "polyslip/solver/mechanics_step.hpp"
 
@@ -38,6 +39,8 @@ class Model {
   [[nodiscard]] assembly::MechanicsSystem* mechanics() const { return mechanics_.get(); }
   [[nodiscard]] solver::ContactNewton* newton() const { return newton_.get(); }
   [[nodiscard]] States displacement() const { return displacement_; }  ///< In the order of assembly::Layout.
+  /// Takes a coupled scene that asks for it to the equilibrium from which it starts; elsewhere there is nothing to do.
+  [[nodiscard]] solver::StepOutcome find_equilibrium(const std::function<void(const solver::NewtonRecord&)>& monitor);
   [[nodiscard]] bool has_contact() const { return mechanics_ && mechanics_->fracture_faces() > 0; }
 
   // --- fluid; null where the scene has no flow ---
@@ -71,6 +74,8 @@ class Model {
  private:
   void set_up_mechanics();
   void set_up_flow(double start);
+  void set_up_coupled(const Scene& scene);
+  [[nodiscard]] Books coupled_books() const;
 
   const mesh::DistributedMesh& mesh_;
   std::unique_ptr<assembly::MechanicsSystem> mechanics_;
@@ -82,6 +87,8 @@ class Model {
   // The kind of steps_, null but for one of them.
   solver::MechanicsStep* mechanics_step_ = nullptr;
   solver::DarcyStep* darcy_step_ = nullptr;
+  solver::CoupledStep* coupled_step_ = nullptr;
+  std::optional<double> equilibrium_at_;  ///< Time of the equilibrium from which a coupled scene starts [s].
 };
 
 }  // namespace polyslip::scene

@@ -29,6 +29,9 @@ class CoupledStep : public StepProblem {
   /// Of the attempt that has just converged; before accept().
   [[nodiscard]] const CoupledBooks& books() const { return books_; }
 
+  /// d_f of the owned fracture faces in the trial state [m]; with fluid in the fractures.
+  [[nodiscard]] std::vector<double> trial_apertures() const;
+
   // Mechanics x (order of Layout) and pressures q (order of FlowLayout), the two halves of the states.
   [[nodiscard]] Vec trial() const { return x_; }
   [[nodiscard]] Vec trial_pressure() const { return q_; }
