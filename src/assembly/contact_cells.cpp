@@ -13,13 +13,6 @@ using RowMajor = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::Ro
 using ConstMap = Eigen::Map<const RowMajor>;
 using MutableMap = Eigen::Map<RowMajor>;
 
-/// Local number of each mesh face among the fracture faces, -1 elsewhere.
-std::vector<Index> number_fracture_faces(const mesh::DistributedMesh& mesh) {
-  std::vector<Index> number(static_cast<std::size_t>(mesh.mesh.n_faces()), -1);
-  for (std::size_t k = 0; k < mesh.fracture_faces.size(); ++k) number[mesh.fracture_faces[k]] = static_cast<Index>(k);
-  return number;
-}
-
 /// Whether this rank needs the blocks of a + cell: it owns the cell, or one of the copies on its nodes (across Gamma too).
 bool is_needed(const mesh::DistributedMesh& mesh, Index cell, std::span<const Index> external) {
   if (cell < mesh.cells.owned || !mesh.flow.empty()) return true;  // flow: rows of owned ridges may depend on any of them
@@ -37,7 +30,7 @@ Index copy_at(const mesh::PolyMesh& mesh, Index cell, Index node) {
 ContactCells::ContactCells(const mesh::DistributedMesh& mesh, std::span<const physics::Lame> moduli, physics::Stabilisation stabilisation)
     : dim_(mesh.mesh.dim), is_contact_cell_(static_cast<std::size_t>(mesh.mesh.n_cells()), 0), faces_(mesh.fracture_faces.size()) {
   if (mesh.fracture_faces.empty()) return;
-  const std::vector<Index> number = number_fracture_faces(mesh);
+  const std::vector<Index> number = mesh::fracture_numbers(mesh);
   spaces::VemCell vem(mesh.mesh);
   std::vector<Index> plus;
   for (Index face : mesh.fracture_faces) plus.push_back(mesh.mesh.face_cells[face][0]);

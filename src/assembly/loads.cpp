@@ -100,6 +100,7 @@ bool LoadAssembler::depends_on_time() const {
   }
   for (const Expression& f : problem_.body_force)
     if (f.depends_on_time()) return true;
+  if (problem_.initial_stress) return true;  // it is there from the start: loads must not be blended from zero
   return std::any_of(problem_.contact.begin(), problem_.contact.end(),
                      [](const physics::ContactRule& rule) { return rule.fracture_pressure.depends_on_time(); });
 }
@@ -113,6 +114,7 @@ Loads LoadAssembler::zero() const {
 Loads LoadAssembler::at(double time) const {
   Loads loads = zero();
   if (!is_zero(problem_.body_force, mesh_.mesh.dim)) add_body_force(time, loads);
+  if (problem_.initial_stress) add_initial_stress(time, loads);
   add_boundary_forces(time, loads);
   set_dirichlet(time, loads);
   for (Index f = 0; f < mesh_.fractures.local(); ++f) {
@@ -134,8 +136,7 @@ void LoadAssembler::add_body_force(double time, Loads& loads) const {
   const int dim = m.dim;
   spaces::VemCell vem(m);
   std::vector<geometry::QuadraturePoint> rule;
-  std::vector<Index> number(static_cast<std::size_t>(m.n_faces()), -1);
-  for (std::size_t k = 0; k < mesh_.fracture_faces.size(); ++k) number[mesh_.fracture_faces[k]] = static_cast<Index>(k);
+  const std::vector<Index> number = mesh::fracture_numbers(mesh_);
   for (Index cell = 0; cell < m.n_cells(); ++cell) {
     vem.build(cell);
     rule.clear();
@@ -156,6 +157,26 @@ void LoadAssembler::add_body_force(double time, Loads& loads) const {
       if (target < 0) continue;
       auto& values = j < vem.n_nodes() ? loads.nodal : loads.bubble;
       for (int a = 0; a < dim; ++a) values[static_cast<std::size_t>(dim) * target + a] += force[a];
+    }
+  }
+}
+
+void LoadAssembler::add_initial_stress(double time, Loads& loads) const {
+  // - |K| sigma_0 : G_K v
+  const mesh::PolyMesh& m = mesh_.mesh;
+  const auto dim = static_cast<std::size_t>(m.dim);
+  const std::vector<Index> number = mesh::fracture_numbers(mesh_);
+  spaces::VemCell vem(m);
+  for (Index cell = 0; cell < m.n_cells(); ++cell) {
+    vem.build(cell);
+    const Eigen::Matrix3d stress = physics::initial_stress(*problem_.initial_stress, {.x = vem.xbar(), .t = time});
+    const auto copies = m.copies_of(cell);
+    for (int j = 0; j < vem.size(); ++j) {
+      const Vec3 force = -vem.volume() * (stress * vem.c()[j]);
+      const Index target = j < vem.n_nodes() ? copies[j] : number[vem.bubble_faces()[j - vem.n_nodes()]];
+      if (target < 0) continue;
+      auto& values = j < vem.n_nodes() ? loads.nodal : loads.bubble;
+      for (std::size_t a = 0; a < dim; ++a) values[dim * target + a] += force[static_cast<Eigen::Index>(a)];
     }
   }
 }

@@ -28,10 +28,8 @@ std::vector<FractureFaceValues> fracture_values(const MechanicsSystem& system, V
 }
 
 CellLoop::CellLoop(const MechanicsSystem& system, Vec x)
-    : system_(system), state_(system.layout().create_state()), fracture_of_face_(static_cast<std::size_t>(system.mesh().mesh.n_faces()), -1) {
+    : system_(system), state_(system.layout().create_state()), fracture_of_face_(mesh::fracture_numbers(system.mesh())) {
   system.layout().gather(x, state_);
-  for (std::size_t k = 0; k < system.mesh().fracture_faces.size(); ++k)
-    fracture_of_face_[system.mesh().fracture_faces[k]] = static_cast<Index>(k);
 }
 
 void CellLoop::values(const spaces::VemCell& vem, std::vector<double>& v) const {
@@ -50,7 +48,8 @@ std::vector<double> cell_stresses(const MechanicsSystem& system, Vec x) {
   for (Index cell = 0; cell < system.mesh().cells.owned; ++cell) {
     vem.build(cell);
     loop.values(vem, v);
-    const Eigen::Matrix3d s = physics::stress(system.moduli()[cell], vem.gradient(v));
+    Eigen::Matrix3d s = physics::stress(system.moduli()[cell], vem.gradient(v));
+    if (const auto& initial = system.problem().initial_stress) s += physics::initial_stress(*initial, {.x = vem.xbar()});
     stresses.insert(stresses.end(), {s(0, 0), s(1, 1), s(2, 2), s(0, 1), s(1, 2), s(0, 2)});
   }
   return stresses;

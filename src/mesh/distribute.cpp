@@ -114,6 +114,12 @@ DistributedMesh distribute_by(MPI_Comm comm, PolyMesh&& serial, const PartitionO
 
 }  // namespace
 
+std::vector<Index> fracture_numbers(const DistributedMesh& mesh) {
+  std::vector<Index> number(static_cast<std::size_t>(mesh.mesh.n_faces()), -1);
+  for (std::size_t k = 0; k < mesh.fracture_faces.size(); ++k) number[mesh.fracture_faces[k]] = static_cast<Index>(k);
+  return number;
+}
+
 DistributedMesh distribute(MPI_Comm comm, PolyMesh&& serial, const PartitionOptions& options) {
   const int ranks = mpi::size(comm);
   return distribute_by(comm, std::move(serial), options, [&](const PolyMesh& whole) {

@@ -81,6 +81,13 @@ Eigen::Matrix3d stress(const Lame& lame, const Eigen::Matrix3d& gradient) {
   return lame.mu * (gradient + gradient.transpose()) + lame.lambda * gradient.trace() * Eigen::Matrix3d::Identity();
 }
 
+Eigen::Matrix3d initial_stress(const std::array<Expression, 6>& entries, const EvalPoint& at) {
+  const double xy = entries[3](at), yz = entries[4](at), xz = entries[5](at);
+  Eigen::Matrix3d s;
+  s << entries[0](at), xy, xz, xy, entries[1](at), yz, xz, yz, entries[2](at);
+  return s;
+}
+
 double stabilisation_factor(const Lame& lame, Stabilisation kind) {
   return kind == Stabilisation::two_mu ? 2 * lame.mu : 2 * lame.mu + lame.lambda;
 }

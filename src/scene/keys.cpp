@@ -257,7 +257,7 @@ std::vector<Key> make_keys() {
       {.path = "contact.beta_scale",
        .kind = number,
        .unit = "(2mu+lambda)/h_K",
-       .standard = "0.1",
+       .standard = "0.02",
        .help = "Parameter beta of the complementarity functions; the solution does not depend on it.",
        .range = positive},
 

@@ -35,6 +35,7 @@ class LoadAssembler {
  private:
   void mark_fixed();
   void add_body_force(double time, Loads& loads) const;
+  void add_initial_stress(double time, Loads& loads) const;
   void add_boundary_forces(double time, Loads& loads) const;
   void set_dirichlet(double time, Loads& loads) const;
   [[nodiscard]] bool applies(const physics::BoundaryRule& rule, Index face) const;

@@ -69,6 +69,9 @@ struct DistributedMesh {
   GlobalIndex total_nodes = 0;
 };
 
+/// Local number of each local face among the fracture faces, -1 elsewhere.
+std::vector<Index> fracture_numbers(const DistributedMesh& mesh);
+
 struct PartitionOptions {
   Index fracture_cell_weight = 2;  ///< Work of a cell that touches Gamma, in units of a plain cell.
   Index fracture_edge_weight = 8;  ///< Cost of cutting a fracture face, in units of a plain face.

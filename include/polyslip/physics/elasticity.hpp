@@ -27,6 +27,9 @@ std::vector<Lame> cell_moduli(const mesh::PolyMesh& mesh, const std::vector<Elas
 /// sigma = 2 mu eps + lambda tr(eps) I [Pa]; plane strain in 2D (the zz component included).
 Eigen::Matrix3d stress(const Lame& lame, const Eigen::Matrix3d& gradient);
 
+/// sigma_0 at a point from its six entries [Pa]: xx yy zz xy yz xz.
+Eigen::Matrix3d initial_stress(const std::array<Expression, 6>& entries, const EvalPoint& at);
+
 /// Factor gamma of the stabilisation [Pa].
 double stabilisation_factor(const Lame& lame, Stabilisation kind);
 

@@ -58,7 +58,7 @@ struct MechanicsProblem {
   std::optional<std::array<Expression, 6>> initial_stress;
   std::vector<ContactRule> contact;
   Formulation formulation = Formulation::condensed;
-  double beta_scale = 0.1;  ///< beta_n = beta_t = beta_scale (2 mu + lambda)/h_K
+  double beta_scale = 0.02;  ///< beta_n = beta_t = beta_scale (2 mu + lambda)/h_K
 };
 
 /// Exact solution for error norms; only what is given is compared.
