@@ -82,7 +82,7 @@ def view(matrix, fractures):
     return low, high
 
 
-def draw_domain(axes, matrix, fractures):
+def draw_displacement(axes, matrix, fractures):
     """Displacement magnitude on the deformed cells; the motion that all have in common is not drawn."""
     low, high = view(matrix, fractures)
     margin = 0.1 * (high - low)
@@ -93,14 +93,37 @@ def draw_domain(axes, matrix, fractures):
     scale = 0.04 * (high - low).max() / largest if largest > 0 else 0
     deformed = matrix.points[:, :2] + scale * relative
     cells = [corners for corners in matrix.corners() if inside[corners].all()]
-    values = np.array([magnitude(u[corners]).mean() for corners in cells])
-    collection = PolyCollection([deformed[corners] for corners in cells], array=values, edgecolor="face", linewidth=0.2)
-    axes.add_collection(collection)
-    axes.figure.colorbar(collection, ax=axes, label="displacement [m]")
-    if fractures is not None:
-        draw_states(axes, fractures)
-    axes.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]), aspect="equal", xlabel="x [m]", ylabel="y [m]")
+    draw_cells(axes, [deformed[corners] for corners in cells], [magnitude(u[corners]).mean() for corners in cells], "displacement [m]")
     axes.set_title(f"t = {matrix.time:g} s, displacement x {scale:.3g}")
+
+
+def draw_pressure(axes, matrix, _):
+    draw_cells(axes, [matrix.points[corners, :2] for corners in matrix.corners()], matrix.fields["pressure"], "pressure [Pa]")
+    axes.set_title(f"t = {matrix.time:g} s")
+
+
+def draw_cells(axes, polygons, values, label):
+    """Polygons coloured by values; a few extreme ones do not spoil the scale."""
+    values = np.asarray(values)
+    collection = PolyCollection(polygons, array=values, edgecolor="face", linewidth=0.2)
+    low, high = np.percentile(values, (0.5, 99.5))
+    extend = "neither"
+    if low < high < low + 0.5 * np.ptp(values):
+        collection.set_clim(low, high)
+        extend = "both"
+    axes.add_collection(collection)
+    axes.figure.colorbar(collection, ax=axes, label=label, extend=extend, shrink=0.8)
+
+
+def draw_domain(figure, matrix, fractures):
+    """Displacement and pressure side by side, as far as they are computed, with the contact states."""
+    low, high = view(matrix, fractures)
+    draws = [draw for name, draw in (("displacement", draw_displacement), ("pressure", draw_pressure)) if name in matrix.fields]
+    for axes, draw in zip(figure.subplots(1, len(draws), squeeze=False).ravel(), draws):
+        draw(axes, matrix, fractures)
+        if fractures is not None:
+            draw_states(axes, fractures)
+        axes.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]), aspect="equal", xlabel="x [m]", ylabel="y [m]")
 
 
 def draw_states(axes, fractures):
@@ -169,7 +192,7 @@ def draw_2d(matrix, fractures, png):
     rows = -(-len(quantities) // columns) if columns else 0
     figure = plt.figure(figsize=(12, 6 + 3 * rows * len(numbers)), layout="constrained")
     upper, *lower = np.atleast_1d(figure.subfigures(1 + len(numbers), 1, height_ratios=[2] + [rows] * len(numbers)))
-    draw_domain(upper.subplots(), matrix, fractures)
+    draw_domain(upper, matrix, fractures)
     for number, part in zip(numbers, lower):
         grid = part.subplots(rows, columns, squeeze=False).ravel()
         for unused in grid[len(quantities) :]:

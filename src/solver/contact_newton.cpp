@@ -252,9 +252,18 @@ bool ContactNewton::try_lagged_friction(Vec x, NewtonResult& result) {
   return converged;
 }
 
+/// No step may depend on what was factorised before it (LinearSolver::start_step).
+void ContactNewton::start_step() {
+  if (linear_) return linear_->start_step();
+  KSP ksp = nullptr;
+  POLYSLIP_PETSC(SNESGetKSP(snes_, &ksp));
+  POLYSLIP_PETSC(KSPReset(ksp));
+}
+
 NewtonResult ContactNewton::solve(Vec x) {
   NewtonResult result;
-  stopped_ = false;
+  stopped_ = law_changed_ = false;
+  start_step();
   system_.impose_dirichlet(x);
   POLYSLIP_PETSC(VecCopy(x, start_));
   may_soften_ = true;

@@ -107,8 +107,9 @@ void LinearSolver::set_up_preconditioner(bool again) {
   if (!again) return;
   if (const PC pc = hierarchy(); pc != nullptr) {
     // Aggregates may stay as long as the fractures part and join the same sides.
-    const bool new_aggregates = states_of_aggregates_.empty() || aggregates_are_stale();
+    const bool new_aggregates = !has_aggregates_ || aggregates_are_stale();
     if (new_aggregates) states_of_aggregates_ = states_of_matrix_;
+    has_aggregates_ = true;
     if (has_preconditioner_ && new_aggregates) {
       POLYSLIP_PETSC(PCGAMGSetReuseInterpolation(pc, PETSC_FALSE));
       POLYSLIP_PETSC(KSPSetUp(ksp_));
@@ -119,6 +120,8 @@ void LinearSolver::set_up_preconditioner(bool again) {
     if (!changes_) changes_.emplace(system_.matrix(), system_.changing_rows());
     changes_->is_in_step();
   }
+  is_as_new_ = !has_preconditioner_;
+  if (is_as_new_) law_of_setup_.assign(system_.linearised_law().begin(), system_.linearised_law().end());
   has_preconditioner_ = true;
   changed_since_setup_ = 0;
   iterations_after_setup_ = -1;
@@ -127,14 +130,37 @@ void LinearSolver::set_up_preconditioner(bool again) {
 }
 
 bool LinearSolver::aggregates_are_stale() const {
-  if (states_of_aggregates_.size() != states_of_matrix_.size()) return false;
+  if (!has_aggregates_) return false;
   long long parted = 0;
   for (std::size_t f = 0; f < states_of_matrix_.size(); ++f)
     parted += (states_of_matrix_[f] == ContactState::open) != (states_of_aggregates_[f] == ContactState::open) ? 1 : 0;
   return 2 * mpi::sum(system_.mesh().comm, parted) > system_.fracture_faces();
 }
 
+bool LinearSolver::is_set_up_for(std::span<const physics::ContactLinearisation> law) const {
+  const auto same = [](const auto& a, const auto& b) { return a.state == b.state && a.d_lam == b.d_lam && a.d_jump == b.d_jump; };
+  const bool here = std::equal(law.begin(), law.end(), law_of_setup_.begin(), law_of_setup_.end(), same);
+  return is_as_new_ && !mpi::any(system_.mesh().comm, !here);
+}
+
+void LinearSolver::forget_other_steps() {
+  starts_step_ = false;
+  changed_since_setup_ = last_iterations_ = 0;
+  iterations_after_setup_ = -1;
+  if (is_set_up_for(system_.linearised_law())) return;
+  has_preconditioner_ = is_as_new_ = false;
+  states_of_matrix_.clear();
+  has_aggregates_ = false;
+  changes_.reset();
+  PC pc = nullptr;
+  PetscBool cholesky = PETSC_FALSE;
+  POLYSLIP_PETSC(KSPGetPC(ksp_, &pc));
+  POLYSLIP_PETSC(PetscObjectTypeCompare(reinterpret_cast<PetscObject>(pc), PCCHOLESKY, &cholesky));
+  if (!cholesky) POLYSLIP_PETSC(PCReset(pc));  // the order of a Cholesky factorisation depends on the pattern alone
+}
+
 void LinearSolver::matrix_changed(const std::vector<ContactState>& states, bool everywhere) {
+  if (starts_step_) forget_other_steps();
   set_method();
   long long changed = 0;
   for (std::size_t f = 0; f < states.size(); ++f) changed += everywhere || states_of_matrix_.empty() || states[f] != states_of_matrix_[f] ? 1 : 0;
@@ -161,6 +187,7 @@ bool LinearSolver::update_hierarchy() {
   const PC pc = hierarchy();
   if (!changes_ || pc == nullptr || !la::HierarchyUpdate::can_update(pc)) return false;
   changes_->apply(pc);
+  is_as_new_ = false;
   return true;
 }
 

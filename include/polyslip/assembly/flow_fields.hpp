@@ -39,8 +39,8 @@ class PressureProbe {
   Index cell_;  ///< Owned cell, -1 on the other ranks.
 };
 
-/// Relative L2 errors over the rock by rules of degree 2: of p_K + G_K q.(x - x_K) (and p_ref where it is given), and of V_K. Each
-/// is |error|/|exact|, or |error| where the exact field vanishes. Only what `exact` gives is compared.
+/// Relative L2 errors over the rock: of p_K against the exact pressure at x_K, the usual one of finite volumes, and of V_K by rules of
+/// degree 2. Each is |error|/|exact|, or |error| where the exact field vanishes. Only what `exact` gives is compared.
 struct FlowErrorNorms {
   std::optional<double> pressure, flux;
 };

@@ -63,6 +63,7 @@ class ContactNewton {
   void set_up();
   void set_up_condensed();
   void set_up_saddle();
+  void start_step();
   bool run(Vec x, const std::string& remedy, NewtonResult& result);
   bool climb(Vec x, const Rung& rung, NewtonResult& result);
   void approach_by_springs(Vec x, NewtonResult& result);

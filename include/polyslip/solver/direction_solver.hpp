@@ -20,6 +20,9 @@ class DirectionSolver {
 
   /// What `linearise` must write into the matrix for this solver.
   [[nodiscard]] virtual assembly::MechanicsSystem::MatrixContent content() const = 0;
+  /// Tells that the next matrix is the first of a step. What was learnt before is forgotten, unless a new solver would come to the same:
+  /// a step depends on the state that it starts from alone, so that a run taken up again goes on bit by bit.
+  virtual void start_step() {}
   /// Tells that the matrix has changed; `states` of the owned faces, `everywhere` if it changed on faces that kept their state too.
   virtual void matrix_changed(const std::vector<physics::ContactState>& states, bool everywhere) = 0;
   /// direction = J^{-1} f, to what `norms` at a relative tolerance rtol ask for; `loose`: not so far, for steps after which the active set

@@ -18,6 +18,7 @@ class LinearSolver final : public DirectionSolver {
   explicit LinearSolver(assembly::MechanicsSystem& system);
 
   [[nodiscard]] assembly::MechanicsSystem::MatrixContent content() const override { return content_; }
+  void start_step() override { starts_step_ = true; }
   /// A multigrid hierarchy is brought up to date near the fractures, or built anew once more than half of the faces have opened or closed
   /// since its aggregates were formed (these glue what an open fracture parts). Other preconditioners are set up again only if the
   /// changed faces are too many for the Krylov method to make up for, or if this has begun to cost iterations.
@@ -31,6 +32,8 @@ class LinearSolver final : public DirectionSolver {
   void choose();
   void set_method();
   void set_up_preconditioner(bool again);
+  void forget_other_steps();
+  [[nodiscard]] bool is_set_up_for(std::span<const physics::ContactLinearisation> law) const;
   [[nodiscard]] PC hierarchy() const;  ///< The preconditioner where it is algebraic multigrid, else null.
   bool update_hierarchy();
   [[nodiscard]] bool aggregates_are_stale() const;
@@ -48,9 +51,12 @@ class LinearSolver final : public DirectionSolver {
   bool user_ksp_ = false;
   bool factorises_ = false;
   std::vector<physics::ContactState> states_of_matrix_, states_of_aggregates_;  ///< Of the owned faces.
+  std::vector<physics::ContactLinearisation> law_of_setup_;  ///< Of the local faces; where is_as_new_.
+  bool starts_step_ = false;
+  bool is_as_new_ = false;  ///< Whether the preconditioner is what a new solver makes of the matrix of law_of_setup_.
   long long changed_since_setup_ = 0;
   int iterations_after_setup_ = -1;  ///< Of the first solve with this preconditioner; -1 before it.
-  bool has_preconditioner_ = false, is_reused_ = false;
+  bool has_preconditioner_ = false, has_aggregates_ = false, is_reused_ = false;  ///< The same on all ranks, unlike having faces.
 };
 
 }  // namespace polyslip::solver
