@@ -77,7 +77,11 @@ void CoupledSolver::choose() {
   PetscBool splits = PETSC_FALSE;
   POLYSLIP_PETSC(PetscObjectTypeCompare(reinterpret_cast<PetscObject>(pc), PCFIELDSPLIT, &splits));
   if (!splits) content_ = MechanicsSystem::MatrixContent::exact;
-  if (factorises_) POLYSLIP_PETSC(PCFactorSetMatSolverType(pc, MATSOLVERMUMPS));
+  if (factorises_) {
+    POLYSLIP_PETSC(PCFactorSetMatSolverType(pc, MATSOLVERMUMPS));
+    // The analysis must not depend on values, which permuting to a large diagonal would make it do; the diagonal is large as it is.
+    default_option("-coupled_mat_mumps_icntl_6", "0");
+  }
   if (splits) split_fields(pc);
   POLYSLIP_PETSC(KSPSetFromOptions(ksp_));
 }
@@ -188,6 +192,13 @@ void CoupledSolver::set_up_blocks(bool again) {
   POLYSLIP_PETSC(KSPSetReusePreconditioner(blocks[0], updates ? PETSC_TRUE : PETSC_FALSE));
   if (!again && updates) changes_->apply(displacement);
   POLYSLIP_PETSC(PetscFree(blocks));
+}
+
+void CoupledSolver::start_step() {
+  if (!factorises_) return;
+  has_preconditioner_ = false;
+  changed_since_setup_ = last_iterations_ = 0;
+  iterations_after_setup_ = -1;
 }
 
 void CoupledSolver::matrix_changed(const std::vector<ContactState>& states, bool everywhere) {

@@ -23,6 +23,8 @@ class CoupledSolver final : public DirectionSolver {
   explicit CoupledSolver(assembly::CoupledSystem& system);
 
   [[nodiscard]] assembly::MechanicsSystem::MatrixContent content() const override { return content_; }
+  /// A factorisation is made anew in each step, for runs that are taken up again to go on bit by bit; multigrid is kept.
+  void start_step() override;
   void matrix_changed(const std::vector<physics::ContactState>& states, bool everywhere) override;
   PetscErrorCode solve(Vec f, Vec direction, const assembly::ResidualNorms& norms, double rtol, bool loose) override;
   [[nodiscard]] const std::string& choice() const override { return choice_; }
