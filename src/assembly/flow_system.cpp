@@ -83,9 +83,9 @@ std::vector<double> FlowSystem::reference_values() const {
 }
 
 void FlowSystem::set_initial(double time, Vec q) const {
+  const auto initial = [&](Index i) { return problem_.initial_pressure({.x = operator_.points()[i], .t = time}) - reference_[i]; };
   const VecWrite a(q);
-  for (Index i = 0; i < layout_.size(); ++i)
-    a[i] = problem_.initial_pressure({.x = operator_.points()[i], .t = time}) - reference_[i];
+  for (Index i = 0; i < layout_.size(); ++i) a[i] = operator_.is_drop(i) ? 0.0 : initial(i);
 }
 
 bool FlowSystem::all_positive(std::span<const double> apertures) const {

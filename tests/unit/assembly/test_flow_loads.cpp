@@ -108,6 +108,7 @@ TEST(flow_conditions, imposed_values_are_relative_to_the_reference_pressure_and_
   problem.reference_pressure = expression("100 - 10*y");
   problem.initial_pressure = expression("101 - 10*y");
   problem.boundary = {given_pressure("all", "102 - 10*y + t")};
+  problem.fractures = {fracture("9")};
   FlowScene scene([] { return crossed_box({2, "polygons"}, 4); }, problem);
   EXPECT_TRUE(scene.system->load_assembler().depends_on_time());
   const auto loads = scene.system->load_assembler().at(4);
@@ -115,9 +116,19 @@ TEST(flow_conditions, imposed_values_are_relative_to_the_reference_pressure_and_
   scene.system->set_initial(0, initial);
   const assembly::VecRead q(initial);
   for (Index i = 0; i < scene.system->layout().size(); ++i) {
-    EXPECT_NEAR(q[i], 1, 1e-13);
+    EXPECT_NEAR(q[i], scene.system->fluxes().is_drop(i) ? 0 : 1, 1e-13) << "drops start from 0";
     EXPECT_NEAR(loads.imposed[i], scene.system->fixed()[i] ? 6 : 0, 1e-13);
   }
+}
+
+TEST(flow_conditions, ranks_agree_on_what_is_prescribed) {
+  FlowProblem problem = flow_problem(3);
+  problem.fractures = {fracture("0.05")};
+  problem.boundary = {given_pressure("left", "1"), given_pressure("top", "2")};
+  FlowScene scene([] { return crossed_box({3, "tets"}, 4); }, problem);
+  std::vector<double> owners(scene.system->fixed().begin(), scene.system->fixed().end());
+  scene.system->layout().halo().owner_to_ghost(owners);
+  for (Index i = 0; i < scene.system->layout().local_size(); ++i) EXPECT_EQ(scene.system->fixed()[i], owners[i]);
 }
 
 /// What is said on this rank when the problem is refused; "" if it is not.
