@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 
 #include "polyslip/common/mpi.hpp"
 #include "polyslip/spaces/vem_cell.hpp"
@@ -225,6 +226,21 @@ double CoupledSystem::sum_of_changes(Vec z, bool without_signs) const {
   return mpi::sum(mesh().comm, sum);
 }
 
+double CoupledSystem::displacement_round_off(Vec z) const {
+  gather(z, state_);
+  const auto dim = static_cast<std::size_t>(layout().dim());
+  double squares = 0;
+  auto biot = biot_.begin();
+  for (Index b = 0; b < bulk_cells_.rows(); ++b) {
+    const auto row = bulk_cells_[b];
+    double size = 0;
+    for (std::size_t s = 1; s < row.size(); ++s)
+      for (std::size_t a = 0; a < dim; ++a) size += std::abs(*biot++ * state_.nodal[dim * row[s] + a]);
+    if (row[0] < mesh().cells.owned) squares += size * size;
+  }
+  return std::numeric_limits<double>::epsilon() * std::sqrt(mpi::sum(mesh().comm, squares));
+}
+
 double CoupledSystem::volume_change(Vec z) const { return sum_of_changes(z, false); }
 double CoupledSystem::volume_turnover(Vec z) const { return sum_of_changes(z, true); }
 
@@ -336,7 +352,7 @@ ResidualNorms CoupledSystem::norms(Vec z, Vec f) const {
   ResidualNorms n = MechanicsSystem::norms(z, f);
   n.momentum_scale = std::max(n.momentum_scale, pressure_force_);
   copy_tail(z, layout().size(), q_work_);
-  n.flow_floor = 4 * flow_.round_off(q_work_);
+  n.flow_floor = 4 * (flow_.round_off(q_work_) + displacement_round_off(z));
   const VecRead rows(f);
   double squares = 0;
   for (Index i = layout().size(); i < size(); ++i) squares += rows[i] * rows[i];

@@ -85,6 +85,8 @@ class CoupledSystem final : public MechanicsSystem {
   [[nodiscard]] double aperture(Index face, const Vec3& jump) const;
   /// b|K| div_K u of owned cells and |sigma| d_f of owned fracture faces.
   void volumes(const MechanicalState& state, std::vector<double>& cells, std::vector<double>& faces) const;
+  /// What the digits of the displacements leave in the rows of the cells [m3; 2D: m2], over all ranks.
+  [[nodiscard]] double displacement_round_off(Vec z) const;
   [[nodiscard]] double sum_of_changes(Vec z, bool without_signs) const;
   void linearise_apertures(Vec z);
   void write_matrices(MatrixContent content);

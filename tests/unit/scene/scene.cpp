@@ -179,7 +179,7 @@ TEST(scenes, have_documented_defaults) {
   EXPECT_EQ(scene.mesh.box->seed, 1U);
   EXPECT_EQ(scene.mechanics.stabilisation, physics::Stabilisation::two_mu);
   EXPECT_EQ(scene.mechanics.formulation, physics::Formulation::condensed);
-  EXPECT_EQ(scene.mechanics.beta_scale, 0.1);
+  EXPECT_EQ(scene.mechanics.beta_scale, 0.02);
   for (const Expression& component : scene.mechanics.body_force) EXPECT_TRUE(component.is_zero());
   EXPECT_TRUE(scene.mechanics.contact.empty());
   EXPECT_EQ(scene.time.start, 0);

@@ -46,7 +46,7 @@ TEST(help, shows_every_key_with_a_sentence_in_lines_that_fit) {
   }
   for (std::size_t start = 0; start < text.size(); start = text.find('\n', start) + 1)
     EXPECT_LE(text.find('\n', start) - start, 150U) << text.substr(start, 40);
-  EXPECT_TRUE(contains(text, "contact.beta_scale: number [(2mu+lambda)/h_K], > 0, default 0.1\n"));
+  EXPECT_TRUE(contains(text, "contact.beta_scale: number [(2mu+lambda)/h_K], > 0, default 0.02\n"));
 }
 
 TEST(ranges, are_open_unless_they_say_equal) {
