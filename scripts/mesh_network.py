@@ -71,7 +71,8 @@ def read_csv(file):
     return Network(fractures)
 
 
-def read_network(file, box):
+def read_network(arguments):
+    file, box = arguments.network, arguments.box
     network = read_csv(file) if file.suffix == ".csv" else read_scene(file)
     if box:
         network.low, network.high = box[: len(box) // 2], box[len(box) // 2 :]
@@ -79,6 +80,8 @@ def read_network(file, box):
         raise SystemExit(f"mesh_network: {file} has no mesh.box. Give --box XMIN YMIN XMAX YMAX.")
     dim = len(network.low)
     least = 2 if dim == 2 else 3
+    if unknown := [name for name in arguments.fine if name not in network.fractures]:
+        raise SystemExit(f"mesh_network: --fine {unknown[0]}: there is no such fracture; there are {', '.join(network.fractures)}.")
     for name, points in network.fractures.items():
         if any(len(point) != dim for point in points) or len(points) < least:
             raise SystemExit(f"mesh_network: fracture \"{name}\" must have {least} or more points of {dim} coordinates in this box.")
@@ -159,31 +162,50 @@ def name_groups(network, parts, rock):
 
 
 def tips(parts, network):
-    """Points (2D) or edges (3D) inside the box that belong to one piece of fracture only."""
+    """Points (2D) or edges (3D) inside the box that belong to one piece of fracture only, by fracture."""
     dim = len(network.low)
-    owners = Counter()
-    for tag in {tag for tags in parts.values() for tag in tags}:
-        owners.update(gmsh.model.getBoundary([(dim - 1, tag)], combined=False, oriented=False))
-    return [end[1] for end, count in owners.items() if count == 1 and side_of(end, network) is None]
+    ends = {name: Counter() for name in parts}
+    for name, tags in parts.items():
+        ends[name].update(end[1] for tag in set(tags) for end in gmsh.model.getBoundary([(dim - 1, tag)], combined=False, oriented=False))
+    count = sum(ends.values(), Counter())
+    return {name: [tag for tag in own if count[tag] == 1 and side_of((dim - 2, tag), network) is None] for name, own in ends.items()}
+
+
+def size_near(entities, dim, formula):
+    """A size field, the formula with F for the distance from points (dimension 0), curves (1) or surfaces (2)."""
+    field = gmsh.model.mesh.field
+    distance = field.add("Distance")
+    field.setNumbers(distance, ("PointsList", "CurvesList", "SurfacesList")[dim], entities)
+    field.setNumber(distance, "Sampling", 200)
+    size = field.add("MathEval")
+    field.setString(size, "F", formula.replace("F", f"F{distance}"))
+    return size
 
 
 def set_sizes(parts, network, arguments):
-    """Sizes at points, which Gmsh carries along curves and from these into the rock, and smaller ones at tips."""
+    """Sizes at points, which Gmsh carries along curves and from these into the rock, and smaller ones near tips and on fine fractures."""
     dim, mesh = len(network.low), gmsh.model.mesh
+    sizes = {name: arguments.fine.get(name, arguments.size) for name in parts}
     mesh.setSize(gmsh.model.getEntities(0), arguments.far or arguments.size)
-    pieces = [(dim - 1, tag) for tags in parts.values() for tag in tags]
-    ends = gmsh.model.getBoundary(pieces, combined=False, oriented=False, recursive=True)
-    mesh.setSize([entity for entity in ends if entity[0] == 0], arguments.size)
-    if not arguments.grade:
+    for name in sorted(parts, key=sizes.get, reverse=True):
+        ends = gmsh.model.getBoundary([(dim - 1, tag) for tag in parts[name]], combined=False, oriented=False, recursive=True)
+        mesh.setSize([entity for entity in ends if entity[0] == 0], sizes[name])
+    fields = [size_near(parts[name], dim - 1, f"{size} + 0.2*F") for name, size in arguments.fine.items()]
+    for name, entities in tips(parts, network).items():
+        if arguments.grade and entities:
+            least = sizes[name]**2 / arguments.grade
+            formula = f"{sizes[name]}*sqrt(sqrt(F^2 + {least}^2)/{arguments.grade})"
+            if name in arguments.fine:
+                formula += f"*(1 + (F/{arguments.grade})^2)"  # back to the size of the others
+            fields.append(size_near(entities, dim - 2, formula))
+    if not fields:
         return
-    distance = mesh.field.add("Distance")
-    mesh.field.setNumbers(distance, "PointsList" if dim == 2 else "CurvesList", tips(parts, network))
-    size = mesh.field.add("MathEval")
-    least = arguments.size**2 / arguments.grade
-    mesh.field.setString(size, "F", f"{arguments.size} * sqrt(sqrt(F{distance}^2 + {least}^2) / {arguments.grade})")
-    mesh.field.setAsBackgroundMesh(size)
+    smallest = mesh.field.add("Min")
+    mesh.field.setNumbers(smallest, "FieldsList", fields)
+    mesh.field.setAsBackgroundMesh(smallest)
     gmsh.option.setNumber("Mesh.MeshSizeMax", arguments.far or arguments.size)
-    gmsh.option.setNumber("Mesh.MeshSizeExtendFromBoundary", 0)  # small cells at tips would spread
+    if arguments.grade:
+        gmsh.option.setNumber("Mesh.MeshSizeExtendFromBoundary", 0)  # small cells at tips would spread
 
 
 def generate(network, arguments):
@@ -194,7 +216,20 @@ def generate(network, arguments):
     if arguments.quads:
         gmsh.option.setNumber("Mesh.RecombineAll", 1)
     gmsh.model.mesh.generate(dim)
+    for _ in range(arguments.refine):
+        gmsh.model.mesh.refine()
     return sum(len(tags) for tags in gmsh.model.mesh.getElements(dim)[1])
+
+
+def named_size(text):
+    name, _, value = text.rpartition("=")
+    try:
+        size = float(value)
+    except ValueError:
+        size = math.nan
+    if not (name and size > 0):
+        raise argparse.ArgumentTypeError(f"{text} is not NAME=H with a positive size.")
+    return name, size
 
 
 def parse():
@@ -206,7 +241,10 @@ def parse():
     parser.add_argument("--far", type=float, help="cell size at the corners of the box [m] (default: --size)")
     parser.add_argument("--grade", type=float, metavar="R",
                         help="make cells smaller towards tips [m]: size sqrt(d/R) at the distance d, down to size^2/R (default: no)")
+    parser.add_argument("--fine", type=named_size, action="append", default=[], metavar="NAME=H",
+                        help="cell size on one fracture [m], from which cells grow by a fifth of the distance; may be repeated")
     parser.add_argument("--box", type=float, nargs="+", help="XMIN YMIN XMAX YMAX, or six numbers in 3D [m] (default: mesh.box)")
+    parser.add_argument("--refine", type=int, default=0, metavar="N", help="halve all edges N times, for meshes that are nested")
     parser.add_argument("--quads", action="store_true", help="pair triangles into quadrilaterals where it can be done well")
     arguments = parser.parse_args()
     for name in ("size", "far", "grade"):
@@ -217,12 +255,13 @@ def parse():
         parser.error(f"--box has {len(arguments.box)} numbers; give 4 (2D) or 6 (3D).")
     if not arguments.network.exists():
         parser.error(f"{arguments.network} does not exist.")
+    arguments.fine = dict(arguments.fine)
     return arguments
 
 
 def main():
     arguments = parse()
-    network = read_network(arguments.network, arguments.box)
+    network = read_network(arguments)
     gmsh.initialize(interruptible=False)
     gmsh.option.setNumber("General.Verbosity", 2)  # errors and warnings
     gmsh.option.setNumber("Mesh.MshFileVersion", 4.1)

@@ -94,12 +94,15 @@ def draw_displacement(axes, matrix, fractures):
     deformed = matrix.points[:, :2] + scale * relative
     cells = [corners for corners in matrix.corners() if inside[corners].all()]
     draw_cells(axes, [deformed[corners] for corners in cells], [magnitude(u[corners]).mean() for corners in cells], "displacement [m]")
-    axes.set_title(f"t = {matrix.time:g} s, displacement x {scale:.3g}")
+    if inside.all():
+        low, high = np.minimum(low, deformed.min(axis=0)), np.maximum(high, deformed.max(axis=0))
+        axes.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]))
+    axes.set_title(f"t = {matrix.time:g} s, displacement x {scale:.3g}", loc="left")
 
 
 def draw_pressure(axes, matrix, _):
     draw_cells(axes, [matrix.points[corners, :2] for corners in matrix.corners()], matrix.fields["pressure"], "pressure [Pa]")
-    axes.set_title(f"t = {matrix.time:g} s")
+    axes.set_title(f"t = {matrix.time:g} s", loc="left")
 
 
 def draw_cells(axes, polygons, values, label):
@@ -120,17 +123,18 @@ def draw_domain(figure, matrix, fractures):
     low, high = view(matrix, fractures)
     draws = [draw for name, draw in (("displacement", draw_displacement), ("pressure", draw_pressure)) if name in matrix.fields]
     for axes, draw in zip(figure.subplots(1, len(draws), squeeze=False).ravel(), draws):
+        axes.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]), aspect="equal", xlabel="x [m]", ylabel="y [m]")
         draw(axes, matrix, fractures)
         if fractures is not None:
             draw_states(axes, fractures)
-        axes.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]), aspect="equal", xlabel="x [m]", ylabel="y [m]")
 
 
 def draw_states(axes, fractures):
     lines = [fractures.points[corners, :2] for corners in fractures.corners()]
     states = fractures.fields.get("friction_state", np.ones(len(lines))).astype(int)
     axes.add_collection(LineCollection(lines, colors=[STATES[state][1] for state in states], linewidth=1.5))
-    axes.legend(handles=[Line2D([], [], color=STATES[state][1], label=STATES[state][0]) for state in np.unique(states)], loc="upper right")
+    handles = [Line2D([], [], color=STATES[state][1], label=STATES[state][0]) for state in np.unique(states)]
+    axes.legend(handles=handles, loc="lower right", bbox_to_anchor=(1, 1), ncols=3, frameon=False)
 
 
 def chains(nodes):
@@ -188,10 +192,14 @@ def draw_curves(axes_row, fractures, number, quantities):
 def draw_2d(matrix, fractures, png):
     quantities = curves(fractures) if fractures is not None else []
     numbers = np.unique(fractures.fields.get("fracture", 0)) if quantities else []
-    columns = min(3, len(quantities))
+    columns = min(3, len(quantities)) if len(numbers) < 3 else len(quantities)  # a network: a row each
     rows = -(-len(quantities) // columns) if columns else 0
-    figure = plt.figure(figsize=(12, 6 + 3 * rows * len(numbers)), layout="constrained")
-    upper, *lower = np.atleast_1d(figure.subfigures(1 + len(numbers), 1, height_ratios=[2] + [rows] * len(numbers)))
+    width = max(12, 4 * columns)
+    low, high = view(matrix, fractures)
+    across = 0.45 if {"displacement", "pressure"} <= set(matrix.fields) else 0.8
+    height = min(width / 2, across * width * (high - low)[1] / (high - low)[0] + 1)
+    figure = plt.figure(figsize=(width, height + 3 * rows * len(numbers)), layout="constrained")
+    upper, *lower = np.atleast_1d(figure.subfigures(1 + len(numbers), 1, height_ratios=[height / 3] + [rows] * len(numbers)))
     draw_domain(upper, matrix, fractures)
     for number, part in zip(numbers, lower):
         grid = part.subplots(rows, columns, squeeze=False).ravel()
