@@ -3,10 +3,8 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
-#include <limits>
 
 #include "polyslip/common/mpi.hpp"
-#include "polyslip/geometry/faces.hpp"
 
 namespace polyslip::assembly {
 
@@ -76,32 +74,6 @@ FractureExtremes fracture_extremes(const MechanicsSystem& system, std::span<cons
   }
   mpi::sum_in_place(system.mesh().comm, integrals);
   return {mpi::max(system.mesh().comm, e.max_slip), mpi::max(system.mesh().comm, e.max_opening), integrals[0], integrals[1]};
-}
-
-PointProbe::PointProbe(const mesh::DistributedMesh& mesh, const Vec3& at) : at_(at) {
-  // Distance outside a cell: the largest distance beyond the planes of its faces; at most 0 inside a convex cell.
-  const mesh::PolyMesh& m = mesh.mesh;
-  double best = std::numeric_limits<double>::infinity();
-  std::vector<Vec3> points, g;
-  std::vector<double> w;
-  for (Index cell = 0; cell < mesh.cells.owned; ++cell) {
-    double outside = -std::numeric_limits<double>::infinity();
-    for (Index face : m.cell_faces[cell]) {
-      spaces::face_points(m, face, points);
-      g.resize(points.size());
-      w.resize(points.size());
-      geometry::vector_weights(m.dim, points, g);
-      const auto geometry = geometry::face_geometry(points, g, w);
-      outside = std::max(outside, m.orientation(cell, face) * geometry.normal.dot(at - geometry.centre));
-    }
-    if (outside < best) {
-      best = outside;
-      cell_ = cell;
-    }
-  }
-  const double nearest = mpi::min(mesh.comm, best);
-  const bool mine = cell_ >= 0 && best == nearest;
-  if (!mine || mpi::exclusive_sum(mesh.comm, mine ? 1 : 0) > 0) cell_ = -1;
 }
 
 Vec3 PointProbe::displacement(const MechanicsSystem& system, Vec x) const {

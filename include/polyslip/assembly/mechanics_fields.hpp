@@ -4,6 +4,7 @@
 #include <vector>
 
 #include "polyslip/assembly/mechanics_system.hpp"
+#include "polyslip/assembly/point_location.hpp"
 
 namespace polyslip::assembly {
 
@@ -48,12 +49,12 @@ FractureExtremes fracture_extremes(const MechanicsSystem& system, std::span<cons
 /// Pi_K u at a point, on all ranks [m]: of the cell that holds the point, or comes closest to it.
 class PointProbe {
  public:
-  PointProbe(const mesh::DistributedMesh& mesh, const Vec3& at);
+  PointProbe(const mesh::DistributedMesh& mesh, const Vec3& at) : at_(at), cell_(locate_in_cells(mesh, at).local) {}
   [[nodiscard]] Vec3 displacement(const MechanicsSystem& system, Vec x) const;
 
  private:
   Vec3 at_;
-  Index cell_ = -1;  ///< Owned cell, -1 on the other ranks.
+  Index cell_;  ///< Owned cell, -1 on the other ranks.
 };
 
 }  // namespace polyslip::assembly
