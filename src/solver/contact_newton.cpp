@@ -252,8 +252,9 @@ bool ContactNewton::try_lagged_friction(Vec x, NewtonResult& result) {
   return converged;
 }
 
-/// No step may depend on what was factorised before it (LinearSolver::start_step).
+/// No step may depend on what was linearised and factorised before it (DirectionSolver::start_step).
 void ContactNewton::start_step() {
+  system_.forget_linearisation();
   if (linear_) return linear_->start_step();
   KSP ksp = nullptr;
   POLYSLIP_PETSC(SNESGetKSP(snes_, &ksp));

@@ -37,8 +37,6 @@ LinearSolver::LinearSolver(MechanicsSystem& system)
   const Index n = system.layout().nodal_size();
   POLYSLIP_PETSC(MatCreateShell(system.mesh().comm, n, n, PETSC_DETERMINE, PETSC_DETERMINE, &system, exact_operator_.put()));
   POLYSLIP_PETSC(MatShellSetOperation(exact_operator_, MATOP_MULT, reinterpret_cast<void (*)()>(apply_exact)));
-  POLYSLIP_PETSC(KSPCreate(system.mesh().comm, ksp_.put()));
-  POLYSLIP_PETSC(KSPSetOptionsPrefix(ksp_, prefix));
   choose();
 }
 
@@ -48,6 +46,8 @@ void LinearSolver::choose() {
   const GlobalIndex limit = dim == 2 ? direct_limit_2d : direct_limit_3d;
   const bool direct = unknowns <= limit;
   PC pc = nullptr;
+  POLYSLIP_PETSC(KSPCreate(system_.mesh().comm, ksp_.put()));
+  POLYSLIP_PETSC(KSPSetOptionsPrefix(ksp_, prefix));
   POLYSLIP_PETSC(KSPGetPC(ksp_, &pc));
   user_ksp_ = user_sets("-ksp_type");
   if (user_sets("-pc_type")) {
@@ -156,7 +156,7 @@ void LinearSolver::forget_other_steps() {
   PetscBool cholesky = PETSC_FALSE;
   POLYSLIP_PETSC(KSPGetPC(ksp_, &pc));
   POLYSLIP_PETSC(PetscObjectTypeCompare(reinterpret_cast<PetscObject>(pc), PCCHOLESKY, &cholesky));
-  if (!cholesky) POLYSLIP_PETSC(PCReset(pc));  // the order of a Cholesky factorisation depends on the pattern alone
+  if (!cholesky) choose();  // of a Cholesky factorisation nothing stays but its order, which depends on the pattern alone
 }
 
 void LinearSolver::matrix_changed(const std::vector<ContactState>& states, bool everywhere) {

@@ -97,6 +97,8 @@ class MechanicsSystem {
   // --- linearisation ---
   /// Linearises the contact law at x and condenses; then writes P.
   virtual void linearise(Vec x, MatrixContent content);
+  /// Leaves the bulk alone in P: what is computed then does not depend on earlier linearisations, to the bit.
+  void forget_linearisation() { write_contact_rows(MatrixContent::bulk); }
   [[nodiscard]] Mat matrix() const { return matrix_->get(); }
   /// Rows of P (of this rank, global numbers) that linearise rewrites.
   [[nodiscard]] std::vector<PetscInt> changing_rows() const;
