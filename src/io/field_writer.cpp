@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <array>
 #include <cassert>
+#include <fstream>
 #include <iterator>
 #include <optional>
 
@@ -128,19 +129,36 @@ std::vector<double> full_tensors(std::span<const double> six, std::size_t count)
   return nine;
 }
 
+/// The grids of single times in the text of an XDMF file, in order.
+std::vector<std::string> grids_of(const std::filesystem::path& file) {
+  std::ifstream in(file);
+  std::vector<std::string> grids;
+  for (std::string line, grid; std::getline(in, line);) {
+    if (line.find("GridType=\"Uniform\"") != std::string::npos) grid.clear();
+    grid += line + "\n";
+    if (line.starts_with("      </Grid>")) grids.push_back(grid);
+  }
+  return grids;
+}
+
 /// One pair of files, <name>.xdmf and <name>.h5.
 class Series {
  public:
-  Series(MPI_Comm comm, const std::filesystem::path& directory, const std::string& name, const Geometry& geometry)
+  Series(MPI_Comm comm, const std::filesystem::path& directory, const std::string& name, const Geometry& geometry,
+         std::optional<double> kept_until)
       : comm_(comm), directory_(directory), name_(name), cell_rows_(geometry.cell_rows), point_rows_(geometry.point_rows) {
-    const RowRange stream = RowRange::in_rank_order(comm, geometry.topology.size());
-    stream_length_ = stream.total;
+    stream_length_ = RowRange::in_rank_order(comm, geometry.topology.size()).total;
+    if (kept_until && go_on(geometry, *kept_until)) return;
+    steps_ = 0;
+    grids_.clear();
+    last_time_.reset();
     H5File file(comm, path(".h5"), H5File::Mode::create);
-    file.write("/points", point_rows_, 3, geometry.points);
-    file.write("/topology", stream, 1, geometry.topology);
+    write_geometry(file, geometry);
     file.create_group("/fields");
     file.flush();
   }
+
+  [[nodiscard]] std::optional<double> last_time() const { return last_time_; }
 
   void write(double time, const std::vector<Field>& fields) {
     const std::string group = fmt::format("/fields/{}", steps_++);
@@ -160,12 +178,60 @@ class Series {
         "        <Geometry GeometryType=\"XYZ\">{4}</Geometry>\n"
         "{5}"
         "      </Grid>\n",
-        name_, time, cell_rows_.total, item("/topology", fmt::format("{}", stream_length_), "NumberType=\"Int\" Precision=\"4\""),
-        item("/points", fmt::format("{} 3", point_rows_.total)), attributes);
+        name_, time, cell_rows_.total, item(topology_, fmt::format("{}", stream_length_), "NumberType=\"Int\" Precision=\"4\""),
+        item(points_, fmt::format("{} 3", point_rows_.total)), attributes);
+    last_time_ = time;
     write_text();
   }
 
  private:
+  /// Keeps the fields up to a time; false where the files of an earlier run are not there or not in order.
+  bool go_on(const Geometry& geometry, double until) {
+    std::vector<std::string> grids = read_grids();
+    try {
+      H5File file(comm_, path(".h5"), H5File::Mode::read_write);
+      int levels = 0;
+      for (; file.has(fmt::format("/fields/{}", levels)); ++levels) {
+        const double time = file.read_attribute(fmt::format("/fields/{}", levels), "time");
+        if (time > until || levels == static_cast<int>(grids.size())) break;
+        last_time_ = time;
+      }
+      steps_ = levels;
+      for (; file.has(fmt::format("/fields/{}", levels)); ++levels) file.remove(fmt::format("/fields/{}", levels));
+      if (steps_ == 0) return false;
+      grids.resize(static_cast<std::size_t>(steps_));
+      for (const std::string& grid : grids) grids_ += grid;
+      if (file.read_attribute("/", "ranks") != mpi::size(comm_)) write_new_geometry(file, geometry);
+      file.flush();
+    } catch (const std::runtime_error&) {
+      return false;  // cut short by whatever ended the earlier run
+    }
+    write_text();
+    return true;
+  }
+
+  /// The text of rank 0's file, on all ranks.
+  [[nodiscard]] std::vector<std::string> read_grids() const {
+    std::vector<std::string> grids;
+    if (mpi::rank(comm_) == 0) grids = grids_of(path(".xdmf"));
+    grids.resize(static_cast<std::size_t>(mpi::max(comm_, static_cast<long long>(grids.size()))));
+    return grids;  // ranks but the first write no text
+  }
+
+  void write_geometry(H5File& file, const Geometry& geometry) {
+    file.write(points_, point_rows_, 3, geometry.points);
+    file.write(topology_, RowRange::in_rank_order(comm_, geometry.topology.size()), 1, geometry.topology);
+    file.write_attribute("/", "ranks", mpi::size(comm_));
+  }
+
+  void write_new_geometry(H5File& file, const Geometry& geometry) {
+    for (std::string* table : {&points_, &topology_}) {
+      *table += fmt::format("_{}", steps_);
+      if (file.has(*table)) file.remove(*table);
+    }
+    write_geometry(file, geometry);
+  }
+
   /// Writes one table and returns its XDMF attribute.
   std::string write_field(H5File& file, const std::string& group, const Field& field) const {
     const RowRange& rows = field.on == Location::copy ? point_rows_ : cell_rows_;
@@ -212,8 +278,10 @@ class Series {
   std::string name_;
   RowRange cell_rows_, point_rows_;
   hsize_t stream_length_ = 0;
+  std::string points_ = "/points", topology_ = "/topology";
   int steps_ = 0;
-  std::string grids_;  ///< XDMF text of the steps written so far.
+  std::string grids_;  ///< XDMF text of the steps written so far; of rank 0.
+  std::optional<double> last_time_;
 };
 
 }  // namespace
@@ -223,14 +291,19 @@ struct FieldWriter::Files {
   std::optional<Series> fractures;
 };
 
-FieldWriter::FieldWriter(const mesh::DistributedMesh& mesh, const std::filesystem::path& directory) {
+FieldWriter::FieldWriter(const mesh::DistributedMesh& mesh, const std::filesystem::path& directory,
+                         std::optional<double> kept_until) {
   mpi::on_root(mesh.comm, [&] {
     std::filesystem::create_directories(directory);
-    for (const char* file : {"matrix.xdmf", "fractures.xdmf", "fractures.h5"}) std::filesystem::remove(directory / file);
+    if (!kept_until) std::filesystem::remove(directory / "matrix.xdmf");
+    if (!kept_until || mesh.fractures.total == 0)
+      for (const char* file : {"fractures.xdmf", "fractures.h5"}) std::filesystem::remove(directory / file);
   });
-  files_ = std::make_unique<Files>(Files{Series(mesh.comm, directory, "matrix", matrix_geometry(mesh)), std::nullopt});
-  if (mesh.fractures.total > 0) files_->fractures.emplace(mesh.comm, directory, "fractures", fracture_geometry(mesh));
+  files_ = std::make_unique<Files>(Files{Series(mesh.comm, directory, "matrix", matrix_geometry(mesh), kept_until), std::nullopt});
+  if (mesh.fractures.total > 0) files_->fractures.emplace(mesh.comm, directory, "fractures", fracture_geometry(mesh), kept_until);
 }
+
+std::optional<double> FieldWriter::last_time() const { return files_->matrix.last_time(); }
 
 FieldWriter::~FieldWriter() = default;
 

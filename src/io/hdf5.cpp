@@ -97,7 +97,12 @@ void H5File::create_group(const std::string& path) {
   if (group < 0) refuse("create the group " + path);
 }
 
+void H5File::remove(const std::string& path) {
+  if (H5Ldelete(file_, path.c_str(), H5P_DEFAULT) < 0) refuse("remove " + path);
+}
+
 void H5File::write_attribute(const std::string& path, const std::string& name, double value) {
+  if (has_attribute(path, name)) H5Adelete_by_name(file_, path.c_str(), name.c_str(), H5P_DEFAULT);
   const H5Handle space(H5Screate(H5S_SCALAR), H5Sclose);
   const H5Handle attribute(
       H5Acreate_by_name(file_, path.c_str(), name.c_str(), H5T_NATIVE_DOUBLE, space, H5P_DEFAULT, H5P_DEFAULT, H5P_DEFAULT),
@@ -124,7 +129,8 @@ void H5File::write_table(const std::string& path, const RowRange& rows, int colu
   const H5Handle table(H5Dcreate2(file_, path.c_str(), type, space, links, H5P_DEFAULT, H5P_DEFAULT), H5Dclose);
   if (table < 0) refuse("create the table " + path);
   select_rows(space, rows, extent[1]);
-  if (H5Dwrite(table, type, local_space(rows, extent[1]), space, transfer_, values) < 0) refuse("write the table " + path);
+  const H5Handle memory = local_space(rows, extent[1]);  // outlives the error, whose reason a call to HDF5 would forget
+  if (H5Dwrite(table, type, memory, space, transfer_, values) < 0) refuse("write the table " + path);
 }
 
 void H5File::write(const std::string& path, const RowRange& rows, int columns, std::span<const double> values) {
@@ -190,7 +196,8 @@ std::vector<T> H5File::read_table(const std::string& path, const RowRange& rows,
   const H5Handle table(H5Dopen2(file_, path.c_str(), H5P_DEFAULT), H5Dclose);
   const H5Handle space(H5Dget_space(table), H5Sclose);
   select_rows(space, rows, static_cast<hsize_t>(columns));
-  if (H5Dread(table, type, local_space(rows, static_cast<hsize_t>(columns)), space, transfer_, values.data()) < 0) {
+  const H5Handle memory = local_space(rows, static_cast<hsize_t>(columns));
+  if (H5Dread(table, type, memory, space, transfer_, values.data()) < 0) {
     refuse("read the table " + path);
   }
   return values;

@@ -4,10 +4,13 @@
 //   /points         points x 3        matrix: node copies by global number; fractures: the corners of each face in turn, + side
 //   /topology       stream x 1        XDMF "Mixed": cells or fracture faces by global number
 //   /fields/<step>  attribute time    tables <name>, entities x components, step = 0, 1, ...
+// A run continued on another number of ranks orders its rows in another way: /points_<step> and /topology_<step> hold from that step
+// on.
 #pragma once
 
 #include <filesystem>
 #include <memory>
+#include <optional>
 #include <span>
 #include <string>
 #include <vector>
@@ -32,11 +35,15 @@ struct Field {
 /// fracture faces gets no fractures.* files. Collective; throws std::runtime_error when the disk refuses.
 class FieldWriter {
  public:
-  /// Makes the directory and replaces files of an earlier run. The mesh must outlive the writer.
-  FieldWriter(const mesh::DistributedMesh& mesh, const std::filesystem::path& directory);
+  /// Makes the directory and replaces files of an earlier run; with `kept_until`, goes on behind its fields up to that time where there
+  /// are such files in order. The mesh must outlive the writer.
+  FieldWriter(const mesh::DistributedMesh& mesh, const std::filesystem::path& directory, std::optional<double> kept_until = {});
   ~FieldWriter();
   FieldWriter(const FieldWriter&) = delete;
   FieldWriter& operator=(const FieldWriter&) = delete;
+
+  /// Time of the last fields in the files, kept or written; nothing when there are none.
+  [[nodiscard]] std::optional<double> last_time() const;
 
   /// The same fields, by name and order, on every rank.
   void write(double time, const std::vector<Field>& fields);

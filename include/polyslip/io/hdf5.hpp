@@ -68,6 +68,9 @@ class H5File {
 
   [[nodiscard]] bool has(const std::string& path) const;
   void create_group(const std::string& path);
+  /// Unlinks a group or table; its room in the file is lost.
+  void remove(const std::string& path);
+  /// Replaces an attribute of that name.
   void write_attribute(const std::string& path, const std::string& name, double value);
   [[nodiscard]] double read_attribute(const std::string& path, const std::string& name) const;
   [[nodiscard]] bool has_attribute(const std::string& path, const std::string& name) const;
