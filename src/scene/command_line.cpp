@@ -10,16 +10,19 @@ namespace polyslip::scene {
 
 namespace {
 
-constexpr const char* usage = R"(polyslip SCENE.yaml [-o DIR] [-set KEY=VALUE]... [-validate] [any PETSc option, -options_file FILE]
+constexpr const char* usage = R"(polyslip SCENE.yaml [-o DIR] [-set KEY=VALUE]... [-validate] [-restart [FILE]] [any PETSc option, -options_file FILE]
 alone or under mpirun -n N
 
   -o DIR             results go to DIR (default: <scene name>.out)
   -set KEY=VALUE     overrides a scene key by its path, as often as wanted: -set mesh.box.cells=[16,16,16] -set time.step=10
   -validate          checks scene and mesh and runs nothing
+  -restart [FILE]    goes on from a checkpoint (default: checkpoint.h5 of DIR) as if the run had not ended, on any number of ranks;
+                     time.end and output may differ from the scene of the checkpoint
+  -restart_changed_scene   lets everything else of the scene differ too; the mesh must be the same
   -help, -version
 
 Exit codes: 0 finished; 2 bad input, nothing computed; 3 not converged after the last step cut (accepted steps are on disk); 4 internal error;
-143 stopped by SIGTERM or SIGINT.
+143 stopped by SIGTERM or SIGINT after writing a checkpoint.
 
 Numerics are PETSc options:
   Newton (no prefix)        -snes_rtol 1e-10, -snes_max_it 25 (before the next remedy), -snes_view, -snes_linesearch_type activeset,
@@ -48,6 +51,12 @@ CommandLine parse_command_line(int argc, char** argv) {
       line.overrides.push_back(value(i));
     } else if (a == "-validate") {
       line.validate = true;
+    } else if (a == "-restart") {
+      line.restart = true;
+      const bool names_file = i + 1 < argc && argv[i + 1][0] != '-' && std::filesystem::path(argv[i + 1]).extension() != ".yaml";
+      if (names_file) line.checkpoint = argv[++i];
+    } else if (a == "-restart_changed_scene") {
+      line.restart = line.restart_changed_scene = true;
     } else if (a == "-help" || a == "--help" || a == "-h") {
       line.help = true;
     } else if (a == "-version" || a == "--version") {

@@ -126,6 +126,15 @@ void report_errors(const Log& log, io::Summary& s, const Scene& scene, const Mod
   }
 }
 
+void add_solver_counters(io::Summary& s, const Model& model) {
+  const solver::LinearCounts counts = model.linear_counts();
+  s.krylov.total += counts.iterations;
+  s.krylov.max_per_solve = std::max(s.krylov.max_per_solve, counts.max_per_solve);
+  s.setups.preconditioner += counts.setups;
+  s.setups.factorisation += counts.factorisations;
+  s.active_set.cycles_detected += model.cycles();
+}
+
 void add_counters(io::Summary& s, const Model& model, const solver::StepperResult& result, const solver::StepperState& steps) {
   using End = solver::StepperResult::End;
   s.status = result.end == End::finished ? "finished" : result.end == End::stopped ? "stopped" : "diverged";
@@ -134,12 +143,7 @@ void add_counters(io::Summary& s, const Model& model, const solver::StepperResul
   s.steps.rejected = steps.rejected;
   s.newton.total = steps.newton_total;
   s.newton.max_per_step = steps.newton_max;
-  const solver::LinearCounts counts = model.linear_counts();
-  s.krylov.total += counts.iterations;
-  s.krylov.max_per_solve = std::max(s.krylov.max_per_solve, counts.max_per_solve);
-  s.setups.preconditioner += counts.setups;
-  s.setups.factorisation += counts.factorisations;
-  s.active_set.cycles_detected += model.cycles();
+  add_solver_counters(s, model);
   s.seconds.condense = model.seconds_condensing();
   s.seconds.solve = model.seconds_solving();
   rusage usage{};

@@ -6,6 +6,7 @@
 #include "polyslip/scene/fields.hpp"
 #include "polyslip/scene/prepare.hpp"
 #include "polyslip/scene/report.hpp"
+#include "polyslip/scene/restart.hpp"
 
 namespace polyslip::scene {
 
@@ -16,24 +17,29 @@ volatile std::sig_atomic_t stop_signal = 0;
 /// One run from mesh to summary, and what it keeps between its steps.
 class Run {
  public:
-  Run(MPI_Comm comm, const Scene& scene, const std::filesystem::path& directory)
-      : comm_(comm), scene_(scene), directory_(directory), log_(comm) {}
+  Run(MPI_Comm comm, const Scene& scene, const CommandLine& line, const std::filesystem::path& directory)
+      : comm_(comm), scene_(scene), line_(line), directory_(directory), log_(comm) {}
   ExitCode execute();
 
  private:
   void read_and_partition();
   void assemble();
+  void resume();
   void open_outputs();
+  solver::StepperResult start();
   solver::StepperResult step();
   void on_newton(const solver::NewtonRecord& record);
   void on_solved(const solver::StepRecord& record);
+  void on_accepted(const solver::StepRecord& record);
   void write_fields(double time);
+  void write_checkpoint();
   void show_progress() const;
   void finish(const solver::StepperResult& result);
   [[nodiscard]] bool is_stopping() const { return mpi::any(comm_, stop_signal != 0); }
 
   MPI_Comm comm_;
   const Scene& scene_;
+  const CommandLine& line_;
   std::filesystem::path directory_;
   Log log_;
   io::Summary summary_;
@@ -44,8 +50,9 @@ class Run {
   std::optional<solver::TimeStepper> stepper_;
   std::optional<io::FieldWriter> writer_;
   std::optional<Tables> tables_;
-  StepFigures figures_;  ///< Of the last accepted step.
-  double last_written_ = -1e300;
+  StepFigures figures_;                 ///< Of the last accepted step.
+  std::optional<double> last_written_;  ///< Time of the last fields [s].
+  int last_checkpoint_ = -1;            ///< Its number of steps.
 };
 
 void Run::read_and_partition() {
@@ -66,11 +73,26 @@ void Run::assemble() {
   stepper_.emplace(model_->steps(), scene_.time);
 }
 
+/// Takes over what a checkpoint holds, where one is asked for.
+void Run::resume() {
+  if (!line_.restart) return;
+  const la::LogStage stage("read", summary_.seconds.read);
+  const std::filesystem::path file = line_.checkpoint.empty() ? directory_ / "checkpoint.h5" : line_.checkpoint;
+  const io::Checkpoint checkpoint(comm_, file);
+  stepper_->restore(resume_run(checkpoint, file.string(), scene_, *model_, summary_, line_.restart_changed_scene));
+  figures_ = figures_of(*model_);
+  add_figures(summary_, *model_, figures_);
+}
+
 void Run::open_outputs() {
   const la::LogStage stage("write", summary_.seconds.write);
-  writer_.emplace(*mesh_, directory_);
-  tables_.emplace(*mesh_, scene_, directory_, std::nullopt);
+  const solver::StepperState& state = stepper_->state();
+  const bool goes_on = line_.restart;
+  writer_.emplace(*mesh_, directory_, goes_on ? std::optional(state.time) : std::nullopt);
+  tables_.emplace(*mesh_, scene_, directory_, goes_on ? std::optional<double>(state.accepted) : std::nullopt);
+  last_written_ = writer_->last_time();
   write_resolved(comm_, scene_, directory_);
+  if (goes_on) log_.line("going on from step {} at t = {:g}", state.accepted, state.time);
 }
 
 void Run::on_newton(const solver::NewtonRecord& record) {
@@ -79,7 +101,8 @@ void Run::on_newton(const solver::NewtonRecord& record) {
 }
 
 void Run::on_solved(const solver::StepRecord& record) {
-  figures_ = figures_of(*model_, record.size);
+  figures_ = figures_of(*model_);
+  figures_.books = model_->books(record.size);
   add_figures(summary_, *model_, figures_);
   report_step(log_, *model_, record, figures_);
   tables_->step(*model_, record, figures_);
@@ -93,6 +116,19 @@ void Run::write_fields(double time) {
   const la::LogStage stage("write", summary_.seconds.write);
   scene::write_fields(*writer_, scene_, *model_, figures_, time);
   last_written_ = time;
+}
+
+void Run::on_accepted(const solver::StepRecord& record) {
+  const int every = scene_.output.checkpoint_every;
+  if (every > 0 && record.number % every == 0) write_checkpoint();
+  show_progress();
+}
+
+void Run::write_checkpoint() {
+  if (last_checkpoint_ == stepper_->state().accepted) return;
+  const la::LogStage stage("write", summary_.seconds.write);
+  save_run(directory_ / "checkpoint.h5", scene_, *model_, stepper_->state(), summary_);
+  last_checkpoint_ = stepper_->state().accepted;
 }
 
 /// How far the run is, and how long the rest takes if it goes on as so far.
@@ -113,15 +149,21 @@ solver::StepperResult Run::step() {
     log_.line("step to t = {:g} with dt = {:g} rejected: {}", time, size, reason);
   };
   stepper_->stop_requested = [this] { return is_stopping(); };
-  stepper_->accepted = [this](const solver::StepRecord&) { show_progress(); };
+  stepper_->accepted = [this](const solver::StepRecord& record) { on_accepted(record); };
   begin_steps_ = MPI_Wtime();
   begin_time_ = stepper_->state().time;
   double seconds = 0;
   const la::LogStage stage("contact", seconds);
-  const solver::StepOutcome start = model_->find_equilibrium([this](const solver::NewtonRecord& record) { on_newton(record); });
-  if (!start.converged)
-    return {solver::StepperResult::End::diverged, "no equilibrium to start from: " + start.message};
-  return stepper_->run();
+  const solver::StepperResult started = start();
+  return started.end == solver::StepperResult::End::finished ? stepper_->run() : started;
+}
+
+/// The equilibrium that a scene may ask for, at the beginning of the first run.
+solver::StepperResult Run::start() {
+  if (line_.restart) return {};
+  const solver::StepOutcome found = model_->find_equilibrium([this](const solver::NewtonRecord& record) { on_newton(record); });
+  if (found.converged) return {};
+  return {solver::StepperResult::End::diverged, "no equilibrium to start from: " + found.message};
 }
 
 void Run::finish(const solver::StepperResult& result) {
@@ -130,6 +172,7 @@ void Run::finish(const solver::StepperResult& result) {
     write_fields(state.time);
     report_errors(log_, summary_, scene_, *model_, state.time);
   }
+  if (state.accepted > 0 || result.end == solver::StepperResult::End::stopped) write_checkpoint();
   add_counters(summary_, *model_, result, state);
   summary_.seconds.total = MPI_Wtime() - begin_;
   mpi::on_root(comm_, [&] { io::write_summary(summary_, directory_ / "summary.json"); });
@@ -140,8 +183,9 @@ void Run::finish(const solver::StepperResult& result) {
 ExitCode Run::execute() {
   read_and_partition();
   assemble();
-  open_outputs();
   report_start(log_, summary_, scene_, *model_);
+  resume();
+  open_outputs();
   const solver::StepperResult result = step();
   finish(result);
   report_unused_options(log_);
@@ -161,7 +205,7 @@ ExitCode run_scene(MPI_Comm comm, const CommandLine& line) {
   const std::filesystem::path directory = line.output.empty() ? std::filesystem::path(scene.name + ".out") : line.output;
   make_directory(comm, directory);
   for (int signal : {SIGTERM, SIGINT}) std::signal(signal, [](int) { stop_signal = 1; });
-  return Run(comm, scene, directory).execute();
+  return Run(comm, scene, line, directory).execute();
 }
 
 }  // namespace polyslip::scene

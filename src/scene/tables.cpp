@@ -7,9 +7,8 @@ namespace polyslip::scene {
 namespace {
 
 std::vector<std::string> history_columns(const Scene& scene) {
-  std::vector<std::string> columns{"step", "time",  "step_size", "newton",   "krylov",
-                                   "open", "stick", "slip",      "max_slip", "max_opening",
-                                   "slip_integral", "opening_integral"};
+  std::vector<std::string> columns{"step",  "time", "step_size", "newton",      "krylov",        "open",
+                                   "stick", "slip", "max_slip",  "max_opening", "slip_integral", "opening_integral"};
   for (const Probe& probe : scene.output.probes)
     for (const char* c : {"_ux", "_uy", "_uz"})
       if (scene.has_mechanics) columns.push_back(probe.name + c);
@@ -28,7 +27,7 @@ double number(long long count) { return static_cast<double>(count); }
 
 }  // namespace
 
-StepFigures figures_of(const Model& model, double size) {
+StepFigures figures_of(const Model& model) {
   StepFigures figures;
   if (model.has_contact()) {
     const assembly::MechanicsSystem& system = *model.mechanics();
@@ -37,7 +36,6 @@ StepFigures figures_of(const Model& model, double size) {
     figures.counts = system.count(system.states(model.displacement().trial));
   }
   if (model.flow()) figures.pressure = assembly::pressure_extremes(*model.flow(), model.pressure().trial);
-  figures.books = model.books(size);
   return figures;
 }
 
@@ -56,10 +54,18 @@ Tables::Tables(const mesh::DistributedMesh& mesh, const Scene& scene, const std:
 
 void Tables::step(const Model& model, const solver::StepRecord& record, const StepFigures& figures) {
   const auto& faces = figures.counts.faces;
-  std::vector<double> row{
-      number(record.number), record.time,      record.size,      number(record.newton),     number(record.krylov),
-      number(faces[0]),      number(faces[1]), number(faces[2]), figures.extremes.max_slip, figures.extremes.max_opening,
-      figures.extremes.slip_integral, figures.extremes.opening_integral};
+  std::vector<double> row{number(record.number),
+                          record.time,
+                          record.size,
+                          number(record.newton),
+                          number(record.krylov),
+                          number(faces[0]),
+                          number(faces[1]),
+                          number(faces[2]),
+                          figures.extremes.max_slip,
+                          figures.extremes.max_opening,
+                          figures.extremes.slip_integral,
+                          figures.extremes.opening_integral};
   for (const assembly::PointProbe& probe : displacement_probes_) {
     const Vec3 u = probe.displacement(*model.mechanics(), model.displacement().trial);
     row.insert(row.end(), {u[0], u[1], u[2]});

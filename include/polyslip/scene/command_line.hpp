@@ -12,6 +12,9 @@ struct CommandLine {
   std::filesystem::path output;          ///< Empty: <scene name>.out
   std::vector<std::string> overrides;    ///< KEY=VALUE, in order.
   bool validate = false, help = false, version = false;
+  bool restart = false;              ///< From a checkpoint.
+  std::filesystem::path checkpoint;  ///< Empty: checkpoint.h5 of the output folder.
+  bool restart_changed_scene = false;  ///< The scene of the checkpoint may be another.
   std::vector<std::string> petsc;        ///< Program name and all that is not ours.
 };
 

@@ -21,6 +21,9 @@ void report_newton(const Log& log, const Model& model, const solver::NewtonRecor
 /// Errors against the scene's exact solution at the accepted state, into the log and the summary. Collective.
 void report_errors(const Log& log, io::Summary& summary, const Scene& scene, const Model& model, double time);
 
+/// What the solvers have done in this process, beside what the summary has of earlier ones.
+void add_solver_counters(io::Summary& summary, const Model& model);
+
 /// Counters and times of a run that has ended. Collective.
 void add_counters(io::Summary& summary, const Model& model, const solver::StepperResult& result, const solver::StepperState& steps);
 

@@ -12,7 +12,7 @@
 
 namespace polyslip::scene {
 
-/// Of one step, between its solution and its acceptance.
+/// Of one step, between its solution and its acceptance; of an accepted state without books.
 struct StepFigures {
   std::vector<assembly::FractureFaceValues> fractures;  ///< Of the owned fracture faces; empty without contact.
   assembly::StateCounts counts;
@@ -20,7 +20,8 @@ struct StepFigures {
   std::optional<assembly::PressureExtremes> pressure;
   std::optional<Books> books;
 };
-StepFigures figures_of(const Model& model, double size);
+/// All but the books.
+StepFigures figures_of(const Model& model);
 
 /// Columns of history.csv: step, time, sizes, iterations, contact; displacements at the probes; books, pressures, pressures at the
 /// probes. Those of mechanics, or of flow, are there where the scene has it.
