@@ -17,9 +17,11 @@ class Run:
     """A finished run: exit code, log, summary.json as `summary`, and the tables."""
 
     def __init__(self, example, settings=None, ranks=1, options=()):
-        """`settings` are scene keys and values (-set), `options` further words of the command line."""
+        """`example` is a folder or one of its scenes, `settings` are scene keys and values (-set), `options` further words of the command
+        line."""
         with tempfile.TemporaryDirectory() as directory:
-            scene = Path(os.environ["POLYSLIP_EXAMPLES"]) / example / "scene.yaml"
+            scene = Path(os.environ["POLYSLIP_EXAMPLES"]) / example
+            scene = scene if scene.suffix else scene / "scene.yaml"
             command = shlex.split(os.environ["POLYSLIP_MPIRUN"]) if ranks > 1 else []
             command += ["-n", str(ranks)] if ranks > 1 else []
             command += [os.environ["POLYSLIP"], str(scene), "-o", directory]

@@ -1,0 +1,32 @@
+"""Tables of a run against stored ones, with a tolerance for each column.
+
+After a change that is meant to move these figures, run with UPDATE=1 in the environment and justify the new tables in the commit.
+"""
+
+import csv
+import os
+import unittest
+
+from scene_runs import read_table
+
+
+def write_table(path, table):
+    with open(path, "w", newline="") as file:
+        writer = csv.writer(file, lineterminator="\n")
+        writer.writerow(table)
+        writer.writerows(zip(*([f"{value:.12g}" for value in column] for column in table.values())))
+
+
+class StoredTables(unittest.TestCase):
+    def assert_like_stored(self, file, found, tolerances):
+        """`tolerances` gives the columns that are compared and (relative, absolute) of each."""
+        self.assertLessEqual(set(tolerances), set(found), "columns")
+        if os.environ.get("UPDATE"):
+            write_table(file, {column: found[column] for column in tolerances})
+        stored = read_table(file)
+        self.assertEqual(set(stored), set(tolerances), "every stored column has a tolerance")
+        for column, (relative, absolute) in tolerances.items():
+            self.assertEqual(len(found[column]), len(stored[column]), f"rows of {file.name}")
+            for row, (value, expected) in enumerate(zip(found[column], stored[column])):
+                with self.subTest(column=column, row=row):
+                    self.assertAlmostEqual(value, expected, delta=relative * abs(expected) + absolute)
