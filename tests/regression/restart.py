@@ -16,6 +16,8 @@ from hdf5_tables import Tables
 SCENES = Path(__file__).parent / "restart"
 MECHANICS = ("displacement", "bubble", "multiplier", "previous_jump", "initial_jump")
 FLOW = ("pressure_cell", "pressure_trace", "pressure_fracture", "pressure_ridge")
+# scene, tables of its checkpoint, where a first run may end
+CASES = (("load_history.yaml", MECHANICS, 0.4), ("injection.yaml", FLOW, 1.234), ("wet_crack.yaml", MECHANICS + FLOW, 800))
 
 
 def command(scene, directory, ranks, words):
@@ -78,7 +80,8 @@ class Restart(unittest.TestCase):
     def assert_close(self, tables, tolerance):
         whole, parts = state(self.whole, tables), state(self.parts, tables)
         for table in tables:
-            size = max(map(abs, whole[table]), default=0)
+            like = "displacement" if "jump" in table else table  # jumps may be nothing but round-off
+            size = max(map(abs, whole[like]))
             for one, other in zip(parts[table], whole[table], strict=True):
                 self.assertAlmostEqual(one, other, delta=tolerance * size, msg=table)
 
@@ -106,7 +109,7 @@ class Restart(unittest.TestCase):
             self.assertEqual(fields(self.parts, name, series)[-1], fields(self.whole, name, series)[-1], name)
 
     def test_the_end_may_be_put_off(self):
-        for scene, tables, first_end in (("load_history.yaml", MECHANICS, 0.4), ("injection.yaml", FLOW, 1.234)):
+        for scene, tables, first_end in CASES:
             with self.subTest(scene=scene):
                 whole, parts = self.whole, self.parts
                 self.whole, self.parts = whole / scene, parts / scene
@@ -132,7 +135,7 @@ class Restart(unittest.TestCase):
         self.assertEqual((self.parts / "matrix.xdmf").read_text(), (self.whole / "matrix.xdmf").read_text())
 
     def test_another_number_of_ranks_may_go_on(self):
-        for scene, tables, first_end in (("load_history.yaml", MECHANICS, 0.4), ("injection.yaml", FLOW, 1.234)):
+        for scene, tables, first_end in CASES:
             with self.subTest(scene=scene):
                 whole, parts = self.whole, self.parts
                 self.whole, self.parts = whole / scene, parts / scene
