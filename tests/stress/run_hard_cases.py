@@ -12,7 +12,7 @@ import tempfile
 import time
 from pathlib import Path
 
-MOST_NEWTON = 600  # twice what the worst of them took when it was added
+MOST_NEWTON = 600  # a quarter more than the worst of them takes
 
 
 def complaint(program, scene, folder):
