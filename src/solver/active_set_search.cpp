@@ -95,8 +95,9 @@ struct ActiveSetOptions {
 };
 
 /// The step length by the rule at the head of the header; its merit comes back in `merit`.
-double search(const MechanicsSystem& system, const assembly::ContactLine& line, const std::vector<double>& merits,
+double search(const MechanicsSystem& system, const assembly::ContactLine& line, const ActiveSetTrace& trace,
               const ActiveSetOptions& options, int max_it, double* merit) {
+  const std::vector<double>& merits = trace.merits;
   if (merits.empty()) {
     // The start need not be in equilibrium, and its contact rows mean nothing then: the full step balances the momentum rows for good.
     *merit = system.contact_merit(line, 1.0);
@@ -111,7 +112,7 @@ double search(const MechanicsSystem& system, const assembly::ContactLine& line, 
       best = phi;
       best_alpha = alpha;
     }
-    if (phi <= (1 - 2 * options.decrease * alpha) * reference) break;
+    if (phi <= std::max(trace.settled_merit, (1 - 2 * options.decrease * alpha) * reference)) break;
   }
   *merit = best;
   return best_alpha;
@@ -144,7 +145,7 @@ PetscErrorCode apply(SNESLineSearch search_object) {
   } else {
     assembly::ContactLine line;
     PetscCallCXX(line = system.contact_line(x, y));
-    PetscCallCXX(alpha = search(system, line, trace->merits, *options, static_cast<int>(search_object->max_its), &merit));
+    PetscCallCXX(alpha = search(system, line, *trace, *options, static_cast<int>(search_object->max_its), &merit));
     PetscCall(VecAXPY(f, -alpha, g));
     PetscCall(VecAXPY(x, -alpha, y));
     PetscCallCXX(system.set_contact_rows(line, alpha, f));

@@ -134,6 +134,7 @@ PetscErrorCode ContactNewton::test_convergence(SNES snes, PetscInt iteration, Pe
   if (iteration == 0) PetscCallCXX(self->trace_.start(x));
   PetscCallCXX(self->norms_ = self->system_.norms(x, f));
   const assembly::ResidualNorms& n = self->norms_;
+  self->trace_.settled_merit = std::pow(rtol * n.contact_scale, 2);
   PetscCallCXX(self->record(static_cast<int>(iteration), n));
   *reason = SNES_CONVERGED_ITERATING;
   if (!std::isfinite(n.momentum) || !std::isfinite(n.contact) || !std::isfinite(n.flow)) {

@@ -2,7 +2,7 @@
 //
 // The momentum rows are linear: at x - alpha y they are R - alpha A y with one product A y. Only contact rows are evaluated again:
 //   accept the first alpha in 1, 1/2, 1/4, ... with  phi(alpha) <= (1 - 2 sigma alpha) max(last m values of phi),   phi = |R_contact|^2,
-//   else the best of those tried. The first step of a solve is always full: it brings the momentum rows into balance.
+//   or phi(alpha) so small that the contact rows count as solved, else the best of those tried. The first step of a solve is always full: it brings the momentum rows into balance.
 // After each step the states of all faces are hashed; a set of states met before, left since, and met again without the residual
 // having halved, is a revisit; the second revisit is a cycle and ends the solve (SNES_DIVERGED_LINE_SEARCH).
 //
@@ -32,6 +32,7 @@ struct ActiveSetTrace {
   long long changed = 0;      ///< Faces that changed state in the last step, over all ranks.
   long long opened_or_closed = 0;  ///< Those of them that opened or closed.
   double step_length = 1;     ///< alpha of the last step
+  double settled_merit = 0;   ///< phi below which the contact rows count as solved: no step is shortened for what is left of them.
   bool cycle = false;
   long long cycles = 0;       ///< Cycles met since the start of the run.
 
