@@ -22,6 +22,7 @@ class PetscSession {
     pointers_.push_back(nullptr);
     int argc = static_cast<int>(arguments_.size());
     char** argv = pointers_.data();
+    mpi::choose_file_layer();
     if (PetscInitialize(&argc, &argv, nullptr, nullptr) != 0) throw std::runtime_error("PETSc does not start");
     if (solver::register_active_set_search() != 0) throw std::runtime_error("the line search cannot be registered");
   }

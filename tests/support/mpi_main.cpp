@@ -2,8 +2,11 @@
 #include <gtest/gtest.h>
 #include <petscsys.h>
 
+#include "polyslip/common/mpi.hpp"
+
 int main(int argc, char** argv) {
   ::testing::InitGoogleTest(&argc, argv);
+  polyslip::mpi::choose_file_layer();
   if (PetscInitialize(&argc, &argv, nullptr, nullptr) != 0) return 1;
   int rank = 0;
   MPI_Comm_rank(PETSC_COMM_WORLD, &rank);

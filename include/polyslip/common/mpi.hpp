@@ -9,6 +9,11 @@
 
 namespace polyslip::mpi {
 
+/// To be called before MPI starts: files through ROMIO unless the user has chosen (OMPI_MCA_io). Open MPI's own file layer takes, for each
+/// open file, a semaphore of the machine that is named after the file alone: a run that is killed at the wrong moment leaves it taken,
+/// and every later run that opens a file of this name waits for ever.
+void choose_file_layer();
+
 int rank(MPI_Comm comm);
 int size(MPI_Comm comm);
 
