@@ -1,7 +1,8 @@
-// A distributed matrix of dense d x d blocks over node copies, stored as PETSc AIJ with block size d and written in place.
+// A distributed matrix of small dense blocks over entities (node copies, faces), stored as PETSc AIJ and written in place.
 //
-// All d rows of an owned copy have the same columns, so the slot of entry (row copy i, component a; column copy j, component b) follows
-// from the position of j in the copy's row of blocks: no hashing, no stash, no communication during assembly. Rows of ghosts are not stored.
+// Entity i has w_i components. All rows of an owned entity have the same columns, so the slot of entry (row entity i, component a;
+// column entity j, component b) follows from the position of j in the row of blocks: no hashing, no stash, no communication during
+// assembly. Rows of ghosts are not stored.
 #pragma once
 
 #include <span>
@@ -16,32 +17,32 @@ class BlockMatrix {
  public:
   struct Layout {
     MPI_Comm comm = MPI_COMM_SELF;
-    int block = 3;                             ///< d
-    Index owned = 0;                           ///< Copies of this rank.
-    GlobalIndex first = 0;                     ///< Global number of the first owned copy.
-    std::span<const GlobalIndex> ghosts;       ///< Global numbers of local copies owned .. owned + ghosts.size() - 1.
+    int block = 3;                        ///< Components of every entity where `widths` is empty; then also PETSc's block size.
+    Index owned = 0;                      ///< Entities of this rank.
+    GlobalIndex first = 0;                ///< Global number of their first component.
+    std::span<const GlobalIndex> ghosts;  ///< Global number of the first component of each ghost: local entities owned, owned + 1, ...
+    std::span<const char> widths = {};    ///< Components of each local entity where they differ.
   };
 
-  /// `graph` has one row an owned copy: the local copies it couples with, itself included, in any order, no repeats.
+  /// `graph` has one row an owned entity: the local entities it couples with, itself included, in any order, no repeats.
   BlockMatrix(const Layout& layout, const Csr& graph);
 
-  /// Adds to the block of owned copy `row` and local copy `col`; block points at entry (0, 0) of a row-major matrix with `stride` columns.
+  /// Adds to the block of owned entity `row` and local entity `col`; block points at entry (0, 0) of a row-major matrix with
+  /// `stride` columns.
   void add(Index row, Index col, const double* block, int stride) {
-    double* slot = locate(row, col);
-    const Index step = row_width(row, col);
-    for (int a = 0; a < block_; ++a)
-      for (int b = 0; b < block_; ++b) slot[a * step + b] += block[a * stride + b];
+    const Slot slot = locate(row, col);
+    const int rows = width(row), columns = width(col);
+    for (int a = 0; a < rows; ++a)
+      for (int b = 0; b < columns; ++b) slot.values[a * slot.step + b] += block[a * stride + b];
   }
 
-  /// Values of all blocks of an owned row (contiguous, d rows), in and off the diagonal part.
-  [[nodiscard]] std::span<double> diagonal_row(Index row) {
-    return {diagonal_ + static_cast<std::size_t>(block_) * block_ * diagonal_columns_.offsets[row],
-            static_cast<std::size_t>(block_) * block_ * diagonal_columns_.row_size(row)};
-  }
+  [[nodiscard]] int width(Index entity) const { return widths_.empty() ? block_ : widths_[static_cast<std::size_t>(entity)]; }
+
+  /// Values of all blocks of an owned row (contiguous, one row a component), in and off the diagonal part.
+  [[nodiscard]] std::span<double> diagonal_row(Index row) { return diagonal_.row(row); }
   [[nodiscard]] std::span<double> offdiagonal_row(Index row) {
-    if (offdiagonal_ == nullptr) return {};
-    return {offdiagonal_ + static_cast<std::size_t>(block_) * block_ * offdiagonal_columns_.offsets[row],
-            static_cast<std::size_t>(block_) * block_ * offdiagonal_columns_.row_size(row)};
+    if (offdiagonal_.values == nullptr) return {};
+    return offdiagonal_.row(row);
   }
 
   /// Makes the values ours to write (get) and PETSc's to use (put); writes go between the two.
@@ -52,21 +53,31 @@ class BlockMatrix {
   [[nodiscard]] Index owned() const { return owned_; }
 
  private:
-  void create(const Layout& layout);
-  [[nodiscard]] double* locate(Index row, Index col);
-  [[nodiscard]] Index row_width(Index row, Index col) const {
-    return block_ * (col < owned_ ? diagonal_columns_.row_size(row) : offdiagonal_columns_.row_size(row));
-  }
+  /// The columns of this rank, or the others.
+  struct Part {
+    Csr columns;                   ///< Entities of each row, ascending by the order of their components' global numbers.
+    std::vector<Index> offset;     ///< Components before each of them in the row.
+    std::vector<Index> row_width;  ///< Components of a row, one an owned entity.
+    std::vector<std::size_t> start{0};  ///< First value of each owned entity.
+    Mat matrix = nullptr;          ///< Borrowed.
+    double* values = nullptr;      ///< While being written.
+
+    [[nodiscard]] std::span<double> row(Index i) const { return {values + start[i], start[i + 1] - start[i]}; }
+  };
+  struct Slot {
+    double* values;
+    Index step;  ///< From one row to the next.
+  };
+  void add_graph_row(Index row, std::span<const Index> graph, std::span<const Index> ghost_at);
+  void create(const Layout& layout, std::span<const GlobalIndex> sorted_ghosts, std::span<const Index> ghost_at);
+  [[nodiscard]] Slot locate(Index row, Index col) const;
 
   int block_;
   Index owned_;
-  Csr diagonal_columns_;     ///< Owned columns of each row, ascending.
-  Csr offdiagonal_columns_;  ///< Ghost columns of each row by rank in the ascending order of their global numbers.
-  std::vector<Index> ghost_position_;  ///< That order's position of each ghost.
+  std::vector<char> widths_;
+  std::vector<Index> ghost_position_;  ///< Of each ghost in the ascending order of global numbers.
+  Part diagonal_, offdiagonal_;        ///< Columns of the latter: positions of ghosts.
   Handle<Mat> matrix_;
-  Mat diagonal_part_ = nullptr, offdiagonal_part_ = nullptr;  // borrowed from matrix_
-  double* diagonal_ = nullptr;
-  double* offdiagonal_ = nullptr;
 };
 
 }  // namespace polyslip::la

@@ -37,15 +37,38 @@ struct RandomGraph {
     }
   }
   [[nodiscard]] GlobalIndex global(Index i) const { return i < owned ? first + i : ghosts[i - owned]; }
+  /// Local entities, ghosts included.
+  [[nodiscard]] Index local() const { return owned + static_cast<Index>(ghosts.size()); }
+};
+
+/// Components of the entities of a graph: as many each, or one and `widest` by turns of their global numbers (widest < 0).
+struct Components {
+  std::vector<char> widths;            ///< Of local entities.
+  std::vector<GlobalIndex> first;      ///< Global number of their first component.
+  Index owned = 0;                     ///< Components of this rank.
+
+  Components(MPI_Comm comm, const RandomGraph& graph, int width) {
+    const auto total = static_cast<GlobalIndex>(mpi::sum(comm, static_cast<long long>(graph.owned)));
+    std::vector<GlobalIndex> start{0};
+    const auto width_of = [&](GlobalIndex i) { return width > 0 ? width : i % 3 == 1 ? -width : 1; };
+    for (GlobalIndex i = 0; i < total; ++i) start.push_back(start.back() + width_of(i));
+    for (Index i = 0; i < graph.local(); ++i) {
+      widths.push_back(static_cast<char>(width_of(graph.global(i))));
+      first.push_back(start[graph.global(i)]);
+    }
+    owned = start[graph.first + graph.owned] - start[graph.first];
+    first_owned = start[graph.first];
+  }
+  GlobalIndex first_owned = 0;
 };
 
 /// The same matrix by MatSetValues.
 struct Reference {
   Handle<Mat> matrix;
 
-  Reference(MPI_Comm comm, Index owned, int block) {
+  Reference(MPI_Comm comm, Index components) {
     POLYSLIP_PETSC(MatCreate(comm, matrix.put()));
-    POLYSLIP_PETSC(MatSetSizes(matrix, owned * block, owned * block, PETSC_DETERMINE, PETSC_DETERMINE));
+    POLYSLIP_PETSC(MatSetSizes(matrix, components, components, PETSC_DETERMINE, PETSC_DETERMINE));
     POLYSLIP_PETSC(MatSetType(matrix, MATAIJ));
     POLYSLIP_PETSC(MatSetUp(matrix));
     POLYSLIP_PETSC(MatSetOption(matrix, MAT_NEW_NONZERO_ALLOCATION_ERR, PETSC_FALSE));
@@ -69,10 +92,14 @@ struct Reference {
 class block_matrix : public testing::TestWithParam<int> {
  protected:
   MPI_Comm comm_ = PETSC_COMM_WORLD;
-  int block_ = GetParam();
+  int block_ = GetParam();  ///< Of all entities; negative: of some, the others have one component.
   RandomGraph graph_{comm_, 3};
-  BlockMatrix matrix_{{comm_, block_, graph_.owned, graph_.first, graph_.ghosts}, graph_.graph};
-  Reference reference_{comm_, graph_.owned, block_};
+  Components components_{comm_, graph_, block_};
+  BlockMatrix matrix_{{comm_, block_, graph_.owned, components_.first_owned,
+                       std::span<const GlobalIndex>(components_.first).subspan(static_cast<std::size_t>(graph_.owned)),
+                       block_ > 0 ? std::span<const char>() : std::span<const char>(components_.widths)},
+                      graph_.graph};
+  Reference reference_{comm_, components_.owned};
 
   /// Adds random blocks, cut out of wider rows, to both matrices `times` times.
   void add_everywhere(int times) {
@@ -84,9 +111,9 @@ class block_matrix : public testing::TestWithParam<int> {
         for (Index col : graph_.graph[row]) {
           for (double& v : wide) v = value(graph_.random);
           matrix_.add(row, col, wide.data(), stride);
-          for (int a = 0; a < block_; ++a)
-            for (int b = 0; b < block_; ++b)
-              POLYSLIP_PETSC(MatSetValue(reference_.matrix, graph_.global(row) * block_ + a, graph_.global(col) * block_ + b,
+          for (int a = 0; a < components_.widths[row]; ++a)
+            for (int b = 0; b < components_.widths[col]; ++b)
+              POLYSLIP_PETSC(MatSetValue(reference_.matrix, components_.first[row] + a, components_.first[col] + b,
                                          wide[static_cast<std::size_t>(stride * a + b)], ADD_VALUES));
         }
   }
@@ -104,7 +131,7 @@ TEST_P(block_matrix, rows_can_be_cleared_and_written_again) {
   matrix_.begin_writing();
   const double garbage[9] = {9, 9, 9, 9, 9, 9, 9, 9, 9};
   for (Index row = 0; row < graph_.owned; ++row)
-    for (Index col : graph_.graph[row]) matrix_.add(row, col, garbage, block_);
+    for (Index col : graph_.graph[row]) matrix_.add(row, col, garbage, 3);
   matrix_.end_writing();
   matrix_.begin_writing();
   for (Index row = 0; row < graph_.owned; ++row)
@@ -127,10 +154,10 @@ TEST_P(block_matrix, tells_petsc_that_values_changed) {
 TEST_P(block_matrix, has_the_block_size_that_multigrid_needs) {
   PetscInt size = 0;
   POLYSLIP_PETSC(MatGetBlockSize(matrix_.get(), &size));
-  EXPECT_EQ(size, block_);
+  EXPECT_EQ(size, block_ > 0 ? block_ : 1);
 }
 
-INSTANTIATE_TEST_SUITE_P(blocks, block_matrix, testing::Values(2, 3));
+INSTANTIATE_TEST_SUITE_P(blocks, block_matrix, testing::Values(1, 2, 3, -2, -3));
 
 }  // namespace
 }  // namespace polyslip::la
