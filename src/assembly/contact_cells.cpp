@@ -13,10 +13,10 @@ using RowMajor = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::Ro
 using ConstMap = Eigen::Map<const RowMajor>;
 using MutableMap = Eigen::Map<RowMajor>;
 
-/// Whether this rank needs the blocks of a + cell: it owns the cell, or one of the copies on its nodes (across Gamma too).
-bool is_needed(const mesh::DistributedMesh& mesh, Index cell, std::span<const Index> external) {
+/// Whether this rank needs the blocks of a + cell: it owns the cell, or a displacement of E.
+bool is_needed(const mesh::DistributedMesh& mesh, const Layout& layout, Index cell, std::span<const Index> displacements) {
   if (cell < mesh.cells.owned || !mesh.flow.empty()) return true;  // flow: rows of owned ridges may depend on any of them
-  return std::any_of(external.begin(), external.end(), [&](Index copy) { return copy < mesh.copies.owned; });
+  return std::any_of(displacements.begin(), displacements.end(), [&](Index i) { return i < layout.displacement_size(); });
 }
 
 Index copy_at(const mesh::PolyMesh& mesh, Index cell, Index node) {
@@ -27,11 +27,12 @@ Index copy_at(const mesh::PolyMesh& mesh, Index cell, Index node) {
 
 }  // namespace
 
-ContactCells::ContactCells(const mesh::DistributedMesh& mesh, std::span<const physics::Lame> moduli, physics::Stabilisation stabilisation)
+ContactCells::ContactCells(const mesh::DistributedMesh& mesh, const Layout& layout, std::span<const physics::Lame> moduli,
+                           physics::Stabilisation stabilisation)
     : dim_(mesh.mesh.dim), is_contact_cell_(static_cast<std::size_t>(mesh.mesh.n_cells()), 0), faces_(mesh.fracture_faces.size()) {
   if (mesh.fracture_faces.empty()) return;
   const std::vector<Index> number = mesh::fracture_numbers(mesh);
-  spaces::VemCell vem(mesh.mesh);
+  spaces::VemCell vem(mesh.mesh, layout.bubbles());
   std::vector<Index> plus;
   for (Index face : mesh.fracture_faces) plus.push_back(mesh.mesh.face_cells[face][0]);
   std::sort(plus.begin(), plus.end());
@@ -41,29 +42,32 @@ ContactCells::ContactCells(const mesh::DistributedMesh& mesh, std::span<const ph
     const auto bubbles = vem.bubble_faces();
     // Cells at the rim of the ghost layer may lack a - side; none of their copies is ours.
     if (std::any_of(bubbles.begin(), bubbles.end(), [&](Index face) { return number[face] < 0; })) continue;
-    add_cell(mesh, vem, moduli[cell], physics::stabilisation_factor(moduli[cell], stabilisation), number);
+    add_cell(mesh, layout, vem, moduli[cell], physics::stabilisation_factor(moduli[cell], stabilisation), number);
   }
   cell_differs_.assign(cells_.size(), 0);
 }
 
-void ContactCells::add_cell(const mesh::DistributedMesh& mesh, spaces::VemCell& vem, const physics::Lame& lame, double gamma,
-                            std::span<const Index> fracture_of_face) {
+void ContactCells::add_cell(const mesh::DistributedMesh& mesh, const Layout& layout, spaces::VemCell& vem, const physics::Lame& lame,
+                            double gamma, std::span<const Index> fracture_of_face) {
   const mesh::PolyMesh& m = mesh.mesh;
   const auto own = m.copies_of(vem.cell());
-  std::vector<Index> external(own.begin(), own.end());
+  std::vector<Index> external(own.begin(), own.end()), displacements;
+  layout.append_displacements(m, vem.cell(), displacements);
   for (Index face : vem.bubble_faces())
     for (Index node : m.face_nodes[face]) {
       const Index copy = copy_at(m, m.face_cells[face][1], node);
-      if (std::find(external.begin(), external.end(), copy) == external.end()) external.push_back(copy);
+      if (std::find(external.begin(), external.end(), copy) != external.end()) continue;
+      external.push_back(copy);
+      for (int a = 0; a < dim_; ++a) displacements.push_back(layout.of_copy(copy) + a);
     }
-  if (!is_needed(mesh, vem.cell(), external)) return;
+  if (!is_needed(mesh, layout, vem.cell(), displacements)) return;
 
   const int n_ext = static_cast<int>(external.size()), n_faces = vem.n_bubbles();
-  const std::size_t e = static_cast<std::size_t>(dim_) * n_ext, i = static_cast<std::size_t>(2 * dim_) * n_faces,
-                    k = static_cast<std::size_t>(dim_) * vem.size();
+  const std::size_t e = displacements.size(), i = static_cast<std::size_t>(2 * dim_) * n_faces,
+                    k = static_cast<std::size_t>(vem.components());
   const Index p = size();
-  cells_.push_back({vem.cell(), vem.n_nodes(), n_ext, n_faces, stiffness_.size(), jump_.size(), condensed_.size(), inverse_.size(),
-                    m_ei_.size()});
+  cells_.push_back({vem.cell(), dim_ * vem.n_nodes() + vem.n_normals(), vem.n_nodes(), n_ext, vem.n_normals(), n_faces,
+                    stiffness_.size(), jump_.size(), condensed_.size(), inverse_.size(), m_ei_.size()});
   is_contact_cell_[vem.cell()] = 1;
   stiffness_.resize(stiffness_.size() + k * k);
   jump_.resize(jump_.size() + static_cast<std::size_t>(n_faces) * n_ext, 0.0);
@@ -100,7 +104,7 @@ void ContactCells::add_cell(const mesh::DistributedMesh& mesh, spaces::VemCell& 
     contact.frame = geometry::face_frame(dim_, geometry.normal);
     local_faces.push_back(fracture_of_face[face]);
   }
-  external_.push_row(external);
+  displacements_.push_row(displacements);
   cell_faces_.push_row(local_faces);
 }
 
@@ -130,31 +134,29 @@ std::span<const double> ContactCells::symmetric_block(Index p) const { return ma
 Vec3 ContactCells::jump(Index face, const MechanicalState& state) const {
   const ContactFace& contact = faces_[face];
   const Cell& cell = cells_[contact.cell];
-  const auto external = external_[contact.cell];
+  const Index* displacements = displacements_[contact.cell].data();
   const double* j = &jump_[cell.jump + static_cast<std::size_t>(contact.position) * cell.n_ext];
   Vec3 v = Vec3::Zero();
   for (int a = 0; a < dim_; ++a) v[a] = state.bubble[static_cast<std::size_t>(dim_) * face + a];
   for (int e = 0; e < cell.n_ext; ++e)
-    for (int a = 0; a < dim_; ++a) v[a] += j[e] * state.nodal[static_cast<std::size_t>(dim_) * external[e] + a];
+    for (int a = 0; a < dim_; ++a) v[a] += j[e] * state.displacement[displacements[position(cell, e) + a]];
   return contact.frame * v;
 }
 
-void ContactCells::add_momentum(const MechanicalState& state, std::span<const double> fracture_pressure, std::span<double> nodal,
+void ContactCells::add_momentum(const MechanicalState& state, std::span<const double> fracture_pressure, std::span<double> displacement,
                                 std::span<double> bubble) const {
   Eigen::VectorXd v, r;
   for (Index p = 0; p < size(); ++p) {
     const Cell& cell = cells_[p];
-    const auto external = external_[p];
+    const auto displacements = displacements_[p];
     const auto faces = cell_faces_[p];
-    const int nodes = dim_ * cell.n_nodes, n = nodes + dim_ * cell.n_faces;
+    const int own = cell.n_own, n = own + dim_ * cell.n_faces;
     v.resize(n);
-    for (int s = 0; s < cell.n_nodes; ++s)
-      for (int a = 0; a < dim_; ++a) v[dim_ * s + a] = state.nodal[static_cast<std::size_t>(dim_) * external[s] + a];
+    for (int i = 0; i < own; ++i) v[i] = state.displacement[displacements[i]];
     for (int f = 0; f < cell.n_faces; ++f)
-      for (int a = 0; a < dim_; ++a) v[nodes + dim_ * f + a] = state.bubble[static_cast<std::size_t>(dim_) * faces[f] + a];
+      for (int a = 0; a < dim_; ++a) v[own + dim_ * f + a] = state.bubble[static_cast<std::size_t>(dim_) * faces[f] + a];
     r.noalias() = ConstMap(&stiffness_[cell.stiffness], n, n) * v;
-    for (int s = 0; s < cell.n_nodes; ++s)
-      for (int a = 0; a < dim_; ++a) nodal[static_cast<std::size_t>(dim_) * external[s] + a] += r[dim_ * s + a];
+    for (int i = 0; i < own; ++i) displacement[displacements[i]] += r[i];
     for (int f = 0; f < cell.n_faces; ++f) {
       const ContactFace& contact = faces_[faces[f]];
       Vec3 lam = Vec3::Zero();
@@ -163,8 +165,8 @@ void ContactCells::add_momentum(const MechanicalState& state, std::span<const do
       const Vec3 force = contact.area * (contact.frame.transpose() * lam);
       const double* j = &jump_[cell.jump + static_cast<std::size_t>(f) * cell.n_ext];
       for (int e = 0; e < cell.n_ext; ++e)
-        for (int a = 0; a < dim_; ++a) nodal[static_cast<std::size_t>(dim_) * external[e] + a] += j[e] * force[a];
-      for (int a = 0; a < dim_; ++a) bubble[static_cast<std::size_t>(dim_) * faces[f] + a] += r[nodes + dim_ * f + a] + force[a];
+        for (int a = 0; a < dim_; ++a) displacement[displacements[position(cell, e) + a]] += j[e] * force[a];
+      for (int a = 0; a < dim_; ++a) bubble[static_cast<std::size_t>(dim_) * faces[f] + a] += r[own + dim_ * f + a] + force[a];
     }
   }
 }
@@ -172,14 +174,14 @@ void ContactCells::add_momentum(const MechanicalState& state, std::span<const do
 void ContactCells::blocks(Index p, std::span<const physics::ContactLinearisation> law, SaddleBlocks& m) const {
   const Cell& cell = cells_[p];
   const auto faces = cell_faces_[p];
-  const int d = dim_, ne = block_size(p), nodes = d * cell.n_nodes, nb = d * cell.n_faces, n = nodes + nb;
+  const int d = dim_, ne = block_size(p), own = cell.n_own, nb = d * cell.n_faces, n = own + nb;
   const ConstMap k(&stiffness_[cell.stiffness], n, n);
   m.ee.setZero(ne, ne);
-  m.ee.topLeftCorner(nodes, nodes) = k.topLeftCorner(nodes, nodes);
+  m.ee.topLeftCorner(own, own) = k.topLeftCorner(own, own);
   m.ei.setZero(ne, 2 * nb);
-  m.ei.topLeftCorner(nodes, nb) = k.topRightCorner(nodes, nb);
+  m.ei.topLeftCorner(own, nb) = k.topRightCorner(own, nb);
   m.ie.setZero(2 * nb, ne);
-  m.ie.topLeftCorner(nb, nodes) = k.bottomLeftCorner(nb, nodes);
+  m.ie.topLeftCorner(nb, own) = k.bottomLeftCorner(nb, own);
   m.ii.setZero(2 * nb, 2 * nb);
   m.ii.topLeftCorner(nb, nb) = k.bottomRightCorner(nb, nb);
   for (int f = 0; f < cell.n_faces; ++f) {
@@ -190,8 +192,8 @@ void ContactCells::blocks(Index p, std::span<const physics::ContactLinearisation
     const double* j = &jump_[cell.jump + static_cast<std::size_t>(f) * cell.n_ext];
     for (int e = 0; e < cell.n_ext; ++e) {
       if (j[e] == 0) continue;
-      m.ei.block(d * e, nb + d * f, d, d) = j[e] * traction;
-      m.ie.block(nb + d * f, d * e, d, d) = j[e] * d_jump;
+      m.ei.block(position(cell, e), nb + d * f, d, d) = j[e] * traction;
+      m.ie.block(nb + d * f, position(cell, e), d, d) = j[e] * d_jump;
     }
     m.ii.block(d * f, nb + d * f, d, d) = traction;
     m.ii.block(nb + d * f, d * f, d, d) = d_jump;
@@ -203,17 +205,17 @@ void ContactCells::blocks(Index p, std::span<const physics::ContactLinearisation
 void ContactCells::add_fluid_blocks(Index p, SaddleBlocks& m) const {
   const Cell& cell = cells_[p];
   const ContactFluid& fluid = fluid_[p];
-  const int d = dim_, q_K = d * cell.n_ext, nodes = d * cell.n_nodes, nb = d * cell.n_faces;
-  const Eigen::Map<const Eigen::VectorXd> biot(fluid.biot.data(), nodes + nb);
-  m.ee.col(q_K).head(nodes) = -biot.head(nodes);
-  m.ee.row(q_K).head(nodes) = biot.head(nodes);
+  const int d = dim_, q_K = displacements_.row_size(p), own = cell.n_own, nb = d * cell.n_faces;
+  const Eigen::Map<const Eigen::VectorXd> biot(fluid.biot.data(), own + nb);
+  m.ee.col(q_K).head(own) = -biot.head(own);
+  m.ee.row(q_K).head(own) = biot.head(own);
   m.ie.col(q_K).head(nb) = -biot.tail(nb);
   m.ei.row(q_K).head(nb) = biot.tail(nb);
   if (fluid.unknowns.size() == 1) return;  // fractures carry no fluid
   const auto faces = cell_faces_[p];
   const auto add_row = [&](int row, int f, const Eigen::VectorXd& gradient) {  // d row/d(J_sigma), Cartesian
     const double* j = &jump_[cell.jump + static_cast<std::size_t>(f) * cell.n_ext];
-    for (int e = 0; e < cell.n_ext; ++e) m.ee.row(row).segment(d * e, d) += j[e] * gradient.transpose();
+    for (int e = 0; e < cell.n_ext; ++e) m.ee.row(row).segment(position(cell, e), d) += j[e] * gradient.transpose();
     m.ei.row(row).segment(d * f, d) += gradient.transpose();
   };
   for (int f = 0; f < cell.n_faces; ++f) {
@@ -221,7 +223,7 @@ void ContactCells::add_fluid_blocks(Index p, SaddleBlocks& m) const {
     const ApertureLinearisation& aperture = apertures_[faces[f]];
     const double* j = &jump_[cell.jump + static_cast<std::size_t>(f) * cell.n_ext];
     const Eigen::VectorXd push = contact.area * contact.frame.row(0).head(d).transpose();
-    for (int e = 0; e < cell.n_ext; ++e) m.ee.col(q_K + 1 + f).segment(d * e, d) = j[e] * push;
+    for (int e = 0; e < cell.n_ext; ++e) m.ee.col(q_K + 1 + f).segment(position(cell, e), d) = j[e] * push;
     m.ie.col(q_K + 1 + f).segment(d * f, d) = push;
     const Eigen::VectorXd gradient = (contact.frame.transpose() * aperture.d_jump).head(d);
     add_row(q_K + 1 + f, f, contact.area * gradient);
@@ -232,23 +234,22 @@ void ContactCells::add_fluid_blocks(Index p, SaddleBlocks& m) const {
   }
 }
 
-void ContactCells::add_fluid_forces(std::span<const double> q, std::span<double> nodal, std::span<double> bubble) const {
+void ContactCells::add_fluid_forces(std::span<const double> q, std::span<double> displacement, std::span<double> bubble) const {
   for (Index p = 0; p < size(); ++p) {
     const Cell& cell = cells_[p];
     const ContactFluid& fluid = fluid_[p];
-    const auto external = external_[p];
+    const auto displacements = displacements_[p];
     const auto faces = cell_faces_[p];
     const double q_K = q[fluid.unknowns[0]];
-    for (int s = 0; s < cell.n_nodes; ++s)
-      for (int a = 0; a < dim_; ++a) nodal[static_cast<std::size_t>(dim_) * external[s] + a] -= fluid.biot[dim_ * s + a] * q_K;
+    for (int i = 0; i < cell.n_own; ++i) displacement[displacements[i]] -= fluid.biot[i] * q_K;
     for (int f = 0; f < cell.n_faces; ++f) {
       const ContactFace& contact = faces_[faces[f]];
       const double q_f = fluid.unknowns.size() > 1 ? q[fluid.unknowns[1 + f]] : 0.0;
       const double* j = &jump_[cell.jump + static_cast<std::size_t>(f) * cell.n_ext];
       for (int a = 0; a < dim_; ++a) {
         const double push = contact.area * q_f * contact.frame(0, a);
-        for (int e = 0; e < cell.n_ext; ++e) nodal[static_cast<std::size_t>(dim_) * external[e] + a] += j[e] * push;
-        bubble[static_cast<std::size_t>(dim_) * faces[f] + a] += push - fluid.biot[dim_ * (cell.n_nodes + f) + a] * q_K;
+        for (int e = 0; e < cell.n_ext; ++e) displacement[displacements[position(cell, e) + a]] += j[e] * push;
+        bubble[static_cast<std::size_t>(dim_) * faces[f] + a] += push - fluid.biot[cell.n_own + dim_ * f + a] * q_K;
       }
     }
   }
@@ -256,15 +257,13 @@ void ContactCells::add_fluid_forces(std::span<const double> q, std::span<double>
 
 double ContactCells::pore_volume(Index p, const MechanicalState& state) const {
   const Cell& cell = cells_[p];
-  const auto external = external_[p];
+  const auto displacements = displacements_[p];
   const auto faces = cell_faces_[p];
   double volume = 0;
-  for (int a = 0; a < dim_; ++a) {
-    for (int s = 0; s < cell.n_nodes; ++s)
-      volume += fluid_[p].biot[dim_ * s + a] * state.nodal[static_cast<std::size_t>(dim_) * external[s] + a];
-    for (int f = 0; f < cell.n_faces; ++f)
-      volume += fluid_[p].biot[dim_ * (cell.n_nodes + f) + a] * state.bubble[static_cast<std::size_t>(dim_) * faces[f] + a];
-  }
+  for (int i = 0; i < cell.n_own; ++i) volume += fluid_[p].biot[i] * state.displacement[displacements[i]];
+  for (int f = 0; f < cell.n_faces; ++f)
+    for (int a = 0; a < dim_; ++a)
+      volume += fluid_[p].biot[cell.n_own + dim_ * f + a] * state.bubble[static_cast<std::size_t>(dim_) * faces[f] + a];
   return volume;
 }
 
@@ -321,32 +320,29 @@ Eigen::VectorXd ContactCells::internal_residual(Index p, std::span<const double>
   return r;
 }
 
-void ContactCells::condense_residual(std::span<const double> bubble, std::span<const double> contact, std::span<double> nodal,
+void ContactCells::condense_residual(std::span<const double> bubble, std::span<const double> contact, std::span<double> displacement,
                                      std::span<double> flow) const {
   for (Index p = 0; p < size(); ++p) {
     const Cell& cell = cells_[p];
     const int ne = block_size(p), ni = 2 * dim_ * cell.n_faces;
     const Eigen::VectorXd r = ConstMap(&m_ei_[cell.coupling], ne, ni) *
                               (ConstMap(&inverse_[cell.internal], ni, ni) * internal_residual(p, bubble, contact));
-    const auto external = external_[p];
-    for (int e = 0; e < cell.n_ext; ++e)
-      for (int a = 0; a < dim_; ++a) nodal[static_cast<std::size_t>(dim_) * external[e] + a] -= r[dim_ * e + a];
-    const auto unknowns = pressures(p);
-    for (std::size_t k = 0; k < unknowns.size(); ++k) flow[unknowns[k]] -= r[dim_ * cell.n_ext + static_cast<int>(k)];
+    const auto displacements = displacements_[p], unknowns = pressures(p);
+    for (std::size_t i = 0; i < displacements.size(); ++i) displacement[displacements[i]] -= r[static_cast<Eigen::Index>(i)];
+    for (std::size_t k = 0; k < unknowns.size(); ++k) flow[unknowns[k]] -= r[static_cast<Eigen::Index>(displacements.size() + k)];
   }
 }
 
 void ContactCells::recover(std::span<const double> bubble, std::span<const double> contact, MechanicalState& delta) const {
   for (Index p = 0; p < size(); ++p) {
     const Cell& cell = cells_[p];
-    const auto external = external_[p];
+    const auto displacements = displacements_[p], unknowns = pressures(p);
     const auto faces = cell_faces_[p];
     const int ne = block_size(p), nb = dim_ * cell.n_faces;
     Eigen::VectorXd v(ne);
-    for (int e = 0; e < cell.n_ext; ++e)
-      for (int a = 0; a < dim_; ++a) v[dim_ * e + a] = delta.nodal[static_cast<std::size_t>(dim_) * external[e] + a];
-    const auto unknowns = pressures(p);
-    for (std::size_t k = 0; k < unknowns.size(); ++k) v[dim_ * cell.n_ext + static_cast<int>(k)] = delta.pressure[unknowns[k]];
+    for (std::size_t i = 0; i < displacements.size(); ++i) v[static_cast<Eigen::Index>(i)] = delta.displacement[displacements[i]];
+    for (std::size_t k = 0; k < unknowns.size(); ++k)
+      v[static_cast<Eigen::Index>(displacements.size() + k)] = delta.pressure[unknowns[k]];
     const Eigen::VectorXd i = ConstMap(&inverse_[cell.internal], 2 * nb, 2 * nb) *
                               (internal_residual(p, bubble, contact) - ConstMap(&m_ie_[cell.coupling], 2 * nb, ne) * v);
     for (int f = 0; f < cell.n_faces; ++f)

@@ -45,6 +45,16 @@ bool linear_off_contact(const FlowSystem& flow) {
   return !mpi::any(flow.mesh().comm, dilates) && !follows;
 }
 
+/// factor * (div v)_K by component of VemCell, behind what is there.
+void append_divergence(const spaces::VemCell& vem, int dim, double factor, std::vector<double>& values) {
+  for (int j = 0; j < vem.size(); ++j) {
+    if (vem.is_normal(j))
+      values.push_back(factor * vem.c()[j].dot(vem.normal(j)));
+    else
+      for (int a = 0; a < dim; ++a) values.push_back(factor * vem.c()[j][a]);
+  }
+}
+
 }  // namespace
 
 CoupledSystem::CoupledSystem(const mesh::DistributedMesh& mesh, const physics::MechanicsProblem& problem, FlowSystem& flow)
@@ -58,7 +68,7 @@ CoupledSystem::CoupledSystem(const mesh::DistributedMesh& mesh, const physics::M
       rows_(layout().create_state()) {
   std::array<double, 2> sums{};
   for (const ContactFace& face : contact_cells().faces()) sums[0] += face.stiffness, sums[1] += 1;
-  spaces::VemCell vem(mesh.mesh);
+  spaces::VemCell vem(mesh.mesh, layout().bubbles());
   for (Index cell = 0; cell < mesh.cells.owned; cell += 1 + mesh.cells.owned / 1000) {  // a sample tells the size
     vem.build(cell);
     sums[0] += (2 * moduli()[cell].mu + moduli()[cell].lambda) / vem.diameter();
@@ -76,7 +86,7 @@ CoupledSystem::CoupledSystem(const mesh::DistributedMesh& mesh, const physics::M
 la::Handle<Vec> CoupledSystem::create_vector() const { return create(mesh().comm, size()); }
 
 la::Handle<Vec> CoupledSystem::create_condensed_vector() const {
-  return create(mesh().comm, layout().nodal_size() + flow_.layout().size());
+  return create(mesh().comm, layout().displacement_size() + flow_.layout().size());
 }
 
 void CoupledSystem::join(Vec x, Vec q, Vec z) const {
@@ -119,10 +129,9 @@ void CoupledSystem::scatter(const MechanicalState& state, Vec z) const {
 
 void CoupledSystem::attach_fluid() {
   const FlowLayout& numbers = flow_.layout();
-  const int dim = layout().dim();
   const bool rows_follow = numbers.with_fractures() && flow_.problem().conductivities == physics::ConductivityTime::current;
   const std::vector<double> zero(static_cast<std::size_t>(numbers.local_size()), 0.0);
-  spaces::VemCell vem(mesh().mesh);
+  spaces::VemCell vem(mesh().mesh, layout().bubbles());
   std::vector<ContactFluid> fluid;
   std::vector<Index> rows;
   std::vector<double> values;
@@ -130,8 +139,7 @@ void CoupledSystem::attach_fluid() {
     const Index cell = cells().mesh_cell(p);
     vem.build(cell);
     ContactFluid here;
-    for (int j = 0; j < vem.size(); ++j)
-      for (int a = 0; a < dim; ++a) here.biot.push_back(flow_.rock()[cell].biot * vem.volume() * vem.c()[j][a]);
+    append_divergence(vem, layout().dim(), flow_.rock()[cell].biot * vem.volume(), here.biot);
     here.unknowns.push_back(numbers.cell(cell));
     if (numbers.with_fractures()) {
       for (Index face : cells().faces_of(p)) here.unknowns.push_back(numbers.fracture(face));
@@ -149,34 +157,27 @@ void CoupledSystem::attach_fluid() {
 }
 
 void CoupledSystem::couple_bulk_cells() {
-  const int dim = layout().dim();
-  spaces::VemCell vem(mesh().mesh);
+  spaces::VemCell vem(mesh().mesh, layout().bubbles());
   std::vector<Index> row;
   for (Index cell = 0; cell < mesh().mesh.n_cells(); ++cell) {
     if (cells().contains(cell) || flow_.rock()[cell].biot == 0) continue;
-    const auto copies = mesh().mesh.copies_of(cell);
-    const bool ours = cell < mesh().cells.owned ||
-                      std::any_of(copies.begin(), copies.end(), [&](Index copy) { return copy < mesh().copies.owned; });
-    if (!ours) continue;
-    vem.build(cell);
     row.assign({cell});
-    row.insert(row.end(), copies.begin(), copies.end());
+    layout().append_displacements(mesh().mesh, cell, row);
+    if (cell >= mesh().cells.owned && !is_ours(std::span<const Index>(row).subspan(1))) continue;
+    vem.build(cell);
     bulk_cells_.push_row(row);
-    for (int j = 0; j < vem.n_nodes(); ++j)
-      for (int a = 0; a < dim; ++a) biot_.push_back(flow_.rock()[cell].biot * vem.volume() * vem.c()[j][a]);
+    append_divergence(vem, layout().dim(), flow_.rock()[cell].biot * vem.volume(), biot_);
   }
 }
 
-void CoupledSystem::add_fluid_forces(const MechanicalState& state, std::span<double> nodal, std::span<double> bubble) const {
-  const auto dim = static_cast<std::size_t>(layout().dim());
+void CoupledSystem::add_fluid_forces(const MechanicalState& state, std::span<double> displacement, std::span<double> bubble) const {
   auto biot = biot_.begin();
   for (Index b = 0; b < bulk_cells_.rows(); ++b) {
     const auto row = bulk_cells_[b];
     const double q_K = state.pressure[flow_.layout().cell(row[0])];
-    for (std::size_t s = 1; s < row.size(); ++s)
-      for (std::size_t a = 0; a < dim; ++a) nodal[dim * row[s] + a] -= *biot++ * q_K;
+    for (Index i : row.subspan(1)) displacement[i] -= *biot++ * q_K;
   }
-  contact_cells().add_fluid_forces(state.pressure, nodal, bubble);
+  contact_cells().add_fluid_forces(state.pressure, displacement, bubble);
 }
 
 double CoupledSystem::aperture(Index face, const Vec3& jump) const {
@@ -186,14 +187,12 @@ double CoupledSystem::aperture(Index face, const Vec3& jump) const {
 }
 
 void CoupledSystem::volumes(const MechanicalState& state, std::vector<double>& cell_volumes, std::vector<double>& face_volumes) const {
-  const auto dim = static_cast<std::size_t>(layout().dim());
   cell_volumes.assign(static_cast<std::size_t>(mesh().cells.owned), 0.0);
   auto biot = biot_.begin();
   for (Index b = 0; b < bulk_cells_.rows(); ++b) {
     const auto row = bulk_cells_[b];
     double sum = 0;
-    for (std::size_t s = 1; s < row.size(); ++s)
-      for (std::size_t a = 0; a < dim; ++a) sum += *biot++ * state.nodal[dim * row[s] + a];
+    for (Index i : row.subspan(1)) sum += *biot++ * state.displacement[i];
     if (row[0] < mesh().cells.owned) cell_volumes[row[0]] = sum;
   }
   for (Index p = 0; p < contact_cells().size(); ++p)
@@ -228,14 +227,12 @@ double CoupledSystem::sum_of_changes(Vec z, bool without_signs) const {
 
 double CoupledSystem::displacement_round_off(Vec z) const {
   gather(z, state_);
-  const auto dim = static_cast<std::size_t>(layout().dim());
   double squares = 0;
   auto biot = biot_.begin();
   for (Index b = 0; b < bulk_cells_.rows(); ++b) {
     const auto row = bulk_cells_[b];
     double size = 0;
-    for (std::size_t s = 1; s < row.size(); ++s)
-      for (std::size_t a = 0; a < dim; ++a) size += std::abs(*biot++ * state_.nodal[dim * row[s] + a]);
+    for (Index i : row.subspan(1)) size += std::abs(*biot++ * state_.displacement[i]);
     if (row[0] < mesh().cells.owned) squares += size * size;
   }
   return std::numeric_limits<double>::epsilon() * std::sqrt(mpi::sum(mesh().comm, squares));
@@ -263,9 +260,9 @@ void CoupledSystem::add_pressures(Vec q, Loads& loads) const {
     flow_.layout().gather(q, local);
     for (std::size_t i = 0; i < local.size(); ++i) state.pressure[i] += local[i];
   }
-  std::vector<double> nodal(loads.nodal.size(), 0.0), bubble(loads.bubble.size(), 0.0);
-  add_fluid_forces(state, nodal, bubble);
-  for (std::size_t i = 0; i < nodal.size(); ++i) loads.nodal[i] -= nodal[i];
+  std::vector<double> displacement(loads.displacement.size(), 0.0), bubble(loads.bubble.size(), 0.0);
+  add_fluid_forces(state, displacement, bubble);
+  for (std::size_t i = 0; i < displacement.size(); ++i) loads.displacement[i] -= displacement[i];
   for (std::size_t i = 0; i < bubble.size(); ++i) loads.bubble[i] -= bubble[i];
 }
 
@@ -291,18 +288,18 @@ void CoupledSystem::residual(Vec z, Vec f) const {
   copy_tail(z, layout().size(), q_work_);
   flow_.residual(q_work_, q_previous_, f_work_);
   gather(z, state_);
-  std::fill(rows_.nodal.begin(), rows_.nodal.end(), 0.0);
+  std::fill(rows_.displacement.begin(), rows_.displacement.end(), 0.0);
   std::fill(rows_.bubble.begin(), rows_.bubble.end(), 0.0);
-  add_fluid_forces(state_, rows_.nodal, rows_.bubble);
+  add_fluid_forces(state_, rows_.displacement, rows_.bubble);
   std::vector<double> cell_volumes, face_volumes;
   volumes(state_, cell_volumes, face_volumes);
 
   const VecWrite rows(f);
   double force = 0, flow = 0;
-  for (Index i = 0; i < layout().nodal_size(); ++i)
+  for (Index i = 0; i < layout().displacement_size(); ++i)
     if (!fixed()[i]) {
-      rows[i] += rows_.nodal[i];
-      force += rows_.nodal[i] * rows_.nodal[i];
+      rows[i] += rows_.displacement[i];
+      force += rows_.displacement[i] * rows_.displacement[i];
     }
   for (Index i = 0; i < layout().fracture_size(); ++i) rows[layout().bubble_start() + i] += rows_.bubble[i];
   const VecRead flow_rows(f_work_), q(q_work_), before(q_previous_), storage(flow_.storage());
@@ -328,15 +325,15 @@ void CoupledSystem::momentum_action(Vec y, Vec r) const {
   gather(y, state_);
   copy_tail(y, layout().size(), q_work_);
   POLYSLIP_PETSC(MatMult(flow_.matrix(), q_work_, f_work_));
-  std::fill(rows_.nodal.begin(), rows_.nodal.end(), 0.0);
+  std::fill(rows_.displacement.begin(), rows_.displacement.end(), 0.0);
   std::fill(rows_.bubble.begin(), rows_.bubble.end(), 0.0);
-  add_fluid_forces(state_, rows_.nodal, rows_.bubble);
+  add_fluid_forces(state_, rows_.displacement, rows_.bubble);
   std::vector<double> cell_volumes, face_volumes;
   volumes(state_, cell_volumes, face_volumes);
   const VecWrite rows(r);
   const VecRead flow_rows(f_work_);
-  for (Index i = 0; i < layout().nodal_size(); ++i)
-    if (!fixed()[i]) rows[i] += rows_.nodal[i];
+  for (Index i = 0; i < layout().displacement_size(); ++i)
+    if (!fixed()[i]) rows[i] += rows_.displacement[i];
   for (Index i = 0; i < layout().fracture_size(); ++i) rows[layout().bubble_start() + i] += rows_.bubble[i];
   for (Index i = 0; i < flow_.layout().size(); ++i) rows[layout().size() + i] = flow_rows[i];
   for (Index cell = 0; cell < mesh().cells.owned; ++cell) rows[layout().size() + flow_.layout().cell(cell)] += cell_volumes[cell];
@@ -364,14 +361,14 @@ ResidualNorms CoupledSystem::norms(Vec z, Vec f) const {
 // --- linearisation ---
 
 void CoupledSystem::create_matrices() {
-  const Index nodal = layout().nodal_size(), flow = flow_.layout().size();
+  const Index displacements = layout().displacement_size(), flow = flow_.layout().size();
   const MPI_Comm comm = mesh().comm;
   const Visit nothing = [](std::span<const PetscInt>, std::span<const PetscInt>, const double*) {};
-  up_.emplace(comm, nodal, flow, [&](const Visit& add) {
+  up_.emplace(comm, displacements, flow, [&](const Visit& add) {
     visit_bulk_up(add);
     visit_blocks(MatrixContent::exact, {&add, &nothing, &nothing});
   });
-  pu_.emplace(comm, flow, nodal, [&](const Visit& add) {
+  pu_.emplace(comm, flow, displacements, [&](const Visit& add) {
     visit_bulk_pu(add);
     visit_blocks(MatrixContent::exact, {&nothing, &add, &nothing});
   });
@@ -399,9 +396,8 @@ void CoupledSystem::create_matrices() {
   POLYSLIP_PETSC(MatCreateNest(comm, 2, nullptr, 2, nullptr, blocks.data(), nest_.put()));
 }
 
-/// - b|K| c_e in the free nodal rows of owned copies.
+/// - b|K| c_e in the free displacement rows of this rank.
 void CoupledSystem::visit_bulk_up(const Visit& add) const {
-  const auto dim = static_cast<std::size_t>(layout().dim());
   std::vector<PetscInt> rows;
   std::vector<double> values;
   auto biot = biot_.begin();
@@ -410,12 +406,12 @@ void CoupledSystem::visit_bulk_up(const Visit& add) const {
     const Index unknown = flow_.layout().cell(row[0]);
     rows.clear();
     values.clear();
-    for (std::size_t s = 1; s < row.size(); ++s)
-      for (std::size_t a = 0; a < dim; ++a, ++biot) {
-        if (row[s] >= mesh().copies.owned || fixed()[dim * row[s] + a]) continue;
-        rows.push_back(nodal_number(dim * row[s] + a));
-        values.push_back(-scale_ * *biot);
-      }
+    for (Index i : row.subspan(1)) {
+      const double value = *biot++;
+      if (i >= layout().displacement_size() || fixed()[i]) continue;
+      rows.push_back(layout().global(i));
+      values.push_back(-scale_ * value);
+    }
     const PetscInt column = flow_.layout().numbering().global(unknown);
     add(rows, {&column, 1}, values.data());
   }
@@ -423,7 +419,6 @@ void CoupledSystem::visit_bulk_up(const Visit& add) const {
 
 /// b|K| c_e in the rows of owned cells.
 void CoupledSystem::visit_bulk_pu(const Visit& add) const {
-  const auto dim = static_cast<std::size_t>(layout().dim());
   std::vector<PetscInt> columns;
   std::vector<double> values;
   auto biot = biot_.begin();
@@ -431,38 +426,35 @@ void CoupledSystem::visit_bulk_pu(const Visit& add) const {
     const auto row = bulk_cells_[b];
     columns.clear();
     values.clear();
-    for (std::size_t s = 1; s < row.size(); ++s)
-      for (std::size_t a = 0; a < dim; ++a, ++biot) {
-        if (fixed()[dim * row[s] + a]) continue;
-        columns.push_back(nodal_number(dim * row[s] + a));
-        values.push_back(scale_ * *biot);
-      }
+    for (Index i : row.subspan(1)) {
+      const double value = *biot++;
+      if (fixed()[i]) continue;
+      columns.push_back(layout().global(i));
+      values.push_back(scale_ * value);
+    }
     if (row[0] >= mesh().cells.owned) continue;
     const PetscInt number = flow_.layout().numbering().global(flow_.layout().cell(row[0]));
     add({&number, 1}, columns, values.data());
   }
 }
 
-/// The condensed blocks of + cells: nodal rows and pressure columns, pressure rows and nodal columns, pressures.
+/// The condensed blocks of + cells: displacement rows and pressure columns, pressure rows and displacement columns, pressures.
 void CoupledSystem::visit_blocks(MatrixContent content, const std::array<const Visit*, 3>& add) const {
-  const int dim = layout().dim();
-  std::vector<PetscInt> nodal_rows, nodal_columns, rows, columns;
-  std::vector<int> at_nodal_rows, at_nodal_columns, at_rows, at_columns;  // positions in the block
+  std::vector<PetscInt> u_rows, u_columns, rows, columns;
+  std::vector<int> at_u_rows, at_u_columns, at_rows, at_columns;  // positions in the block
   RowMajor part;
   for (Index p = 0; p < contact_cells().size(); ++p) {
-    const auto copies = contact_cells().external(p);
-    const auto pressures = contact_cells().pressures(p);
-    const int e = dim * static_cast<int>(copies.size()), size = contact_cells().block_size(p);
-    for (auto* list : {&nodal_rows, &nodal_columns, &rows, &columns}) list->clear();
-    for (auto* list : {&at_nodal_rows, &at_nodal_columns, &at_rows, &at_columns}) list->clear();
+    const auto displacements = contact_cells().displacements(p), pressures = contact_cells().pressures(p);
+    const int e = static_cast<int>(displacements.size()), size = contact_cells().block_size(p);
+    for (auto* list : {&u_rows, &u_columns, &rows, &columns}) list->clear();
+    for (auto* list : {&at_u_rows, &at_u_columns, &at_rows, &at_columns}) list->clear();
     for (int i = 0; i < e; ++i) {
-      const std::size_t component = static_cast<std::size_t>(dim) * copies[i / dim] + i % dim;
-      if (fixed()[component]) continue;
-      nodal_columns.push_back(nodal_number(component));
-      at_nodal_columns.push_back(i);
-      if (copies[i / dim] >= mesh().copies.owned) continue;
-      nodal_rows.push_back(nodal_number(component));
-      at_nodal_rows.push_back(i);
+      if (fixed()[displacements[i]]) continue;
+      u_columns.push_back(layout().global(displacements[i]));
+      at_u_columns.push_back(i);
+      if (displacements[i] >= layout().displacement_size()) continue;
+      u_rows.push_back(layout().global(displacements[i]));
+      at_u_rows.push_back(i);
     }
     for (int i = 0; i < size - e; ++i) {
       if (flow_.fixed()[pressures[i]]) continue;
@@ -475,10 +467,10 @@ void CoupledSystem::visit_blocks(MatrixContent content, const std::array<const V
     }
     const auto values = content == MatrixContent::exact ? contact_cells().block(p) : contact_cells().symmetric_block(p);
     const Eigen::Map<const RowMajor> block(values.data(), size, size);
-    part = scale_ * block(at_nodal_rows, at_columns);
-    (*add[0])(nodal_rows, columns, part.data());
-    part = scale_ * block(at_rows, at_nodal_columns);
-    (*add[1])(rows, nodal_columns, part.data());
+    part = scale_ * block(at_u_rows, at_columns);
+    (*add[0])(u_rows, columns, part.data());
+    part = scale_ * block(at_rows, at_u_columns);
+    (*add[1])(rows, u_columns, part.data());
     part = scale_ * scale_ * block(at_rows, at_columns);
     (*add[2])(rows, columns, part.data());
   }
@@ -536,55 +528,48 @@ void CoupledSystem::write_matrices(MatrixContent content) {
 void CoupledSystem::apply_condensed(Vec x, Vec y) const {
   POLYSLIP_PETSC(MatMult(nest_, x, y));
   if (matrix_is_exact()) return;
-  const int dim = layout().dim();
   {
     const VecRead a(x);
-    std::copy_n(a.data(), layout().nodal_size(), state_.nodal.begin());
-    std::copy_n(a.data() + layout().nodal_size(), flow_.layout().size(), state_.pressure.begin());
+    std::copy_n(a.data(), layout().displacement_size(), state_.displacement.begin());
+    std::copy_n(a.data() + layout().displacement_size(), flow_.layout().size(), state_.pressure.begin());
   }
-  layout().copy_halo().owner_to_ghost(state_.nodal, dim);
+  layout().exchange(state_.displacement);
   flow_.layout().halo().owner_to_ghost(state_.pressure);
   const VecWrite rows(y);
   Eigen::VectorXd local;
   for (Index p = 0; p < contact_cells().size(); ++p) {
     if (!contact_cells().differs(p)) continue;
-    const auto copies = contact_cells().external(p);
-    const auto pressures = contact_cells().pressures(p);
-    const int e = dim * static_cast<int>(copies.size()), size = contact_cells().block_size(p);
+    const auto displacements = contact_cells().displacements(p), pressures = contact_cells().pressures(p);
+    const int e = static_cast<int>(displacements.size()), size = contact_cells().block_size(p);
     local.resize(size);
-    for (int i = 0; i < e; ++i) {
-      const std::size_t component = static_cast<std::size_t>(dim) * copies[i / dim] + i % dim;
-      local[i] = fixed()[component] ? 0.0 : state_.nodal[component];
-    }
+    for (int i = 0; i < e; ++i) local[i] = fixed()[displacements[i]] ? 0.0 : state_.displacement[displacements[i]];
     for (int i = e; i < size; ++i) local[i] = flow_.fixed()[pressures[i - e]] ? 0.0 : scale_ * state_.pressure[pressures[i - e]];
     const Eigen::Map<const RowMajor> exact(contact_cells().block(p).data(), size, size);
     const Eigen::Map<const RowMajor> symmetric(contact_cells().symmetric_block(p).data(), size, size);
     const Eigen::VectorXd difference = exact * local - symmetric * local;
-    for (int i = 0; i < e; ++i) {
-      const std::size_t component = static_cast<std::size_t>(dim) * copies[i / dim] + i % dim;
-      if (copies[i / dim] < mesh().copies.owned && !fixed()[component]) rows[static_cast<Index>(component)] += difference[i];
-    }
+    for (int i = 0; i < e; ++i)
+      if (const Index k = displacements[i]; k < layout().displacement_size() && !fixed()[k]) rows[k] += difference[i];
     for (int i = e; i < size; ++i)
-      if (const Index k = pressures[i - e]; k < flow_.layout().size() && !flow_.fixed()[k]) rows[layout().nodal_size() + k] += scale_ * difference[i];
+      if (const Index k = pressures[i - e]; k < flow_.layout().size() && !flow_.fixed()[k]) rows[layout().displacement_size() + k] += scale_ * difference[i];
   }
 }
 
 void CoupledSystem::condense_residual(Vec f, Vec condensed) const {
   gather(f, state_);
-  contact_cells().condense_residual(state_.bubble, state_.multiplier, state_.nodal, state_.pressure);
+  contact_cells().condense_residual(state_.bubble, state_.multiplier, state_.displacement, state_.pressure);
   const VecWrite rows(condensed);
-  for (Index i = 0; i < layout().nodal_size(); ++i) rows[i] = fixed()[i] ? 0.0 : state_.nodal[i];
-  for (Index i = 0; i < flow_.layout().size(); ++i) rows[layout().nodal_size() + i] = flow_.fixed()[i] ? 0.0 : scale_ * state_.pressure[i];
+  for (Index i = 0; i < layout().displacement_size(); ++i) rows[i] = fixed()[i] ? 0.0 : state_.displacement[i];
+  for (Index i = 0; i < flow_.layout().size(); ++i) rows[layout().displacement_size() + i] = flow_.fixed()[i] ? 0.0 : scale_ * state_.pressure[i];
 }
 
 void CoupledSystem::recover(Vec f, Vec condensed, Vec direction) const {
   gather(f, state_);
   {
     const VecRead a(condensed);
-    for (Index i = 0; i < layout().nodal_size(); ++i) rows_.nodal[i] = fixed()[i] ? 0.0 : a[i];
-    for (Index i = 0; i < flow_.layout().size(); ++i) rows_.pressure[i] = flow_.fixed()[i] ? 0.0 : scale_ * a[layout().nodal_size() + i];
+    for (Index i = 0; i < layout().displacement_size(); ++i) rows_.displacement[i] = fixed()[i] ? 0.0 : a[i];
+    for (Index i = 0; i < flow_.layout().size(); ++i) rows_.pressure[i] = flow_.fixed()[i] ? 0.0 : scale_ * a[layout().displacement_size() + i];
   }
-  layout().copy_halo().owner_to_ghost(rows_.nodal, layout().dim());
+  layout().exchange(rows_.displacement);
   flow_.layout().halo().owner_to_ghost(rows_.pressure);
   contact_cells().recover(state_.bubble, state_.multiplier, rows_);
   scatter(rows_, direction);

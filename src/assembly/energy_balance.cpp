@@ -9,10 +9,19 @@ namespace polyslip::assembly {
 
 namespace {
 
-/// Local values of a cell: nodes, then bubbles.
+/// Values of a cell by component of VemCell.
 Eigen::VectorXd cell_values(const CellLoop& loop, const spaces::VemCell& vem, std::vector<double>& buffer) {
   loop.values(vem, buffer);
-  return Eigen::Map<const Eigen::VectorXd>(buffer.data(), static_cast<Eigen::Index>(buffer.size()));
+  const int dim = static_cast<int>(buffer.size()) / vem.size();
+  Eigen::VectorXd values(vem.components());
+  for (int j = 0; j < vem.size(); ++j) {
+    const Eigen::Map<const Eigen::VectorXd> v(&buffer[static_cast<std::size_t>(dim * j)], dim);
+    if (vem.is_normal(j))
+      values[vem.first_component(j)] = v.dot(vem.normal(j).head(dim));
+    else
+      values.segment(vem.first_component(j), dim) = v;
+  }
+  return values;
 }
 
 struct CellSums {
@@ -29,11 +38,12 @@ CellSums sum_cells(const CoupledSystem& system, Vec z, Vec change) {
   la::Handle<Vec> pressures = system.flow().layout().create_vector(), mechanics = system.layout().create_vector();
   system.split(z, mechanics, pressures);
   system.flow().layout().gather(pressures, q);
-  spaces::VemCell vem(mesh);
+  spaces::VemCell vem(mesh, system.layout().bubbles());
+  std::vector<Index> displacements;
   CellSums sums;
   for (Index cell = 0; cell < system.mesh().cells.owned; ++cell) {
     vem.build(cell);
-    const int n = dim * vem.size();
+    const int n = vem.components();
     stiffness.resize(static_cast<std::size_t>(n) * static_cast<std::size_t>(n));
     const physics::Lame& lame = system.moduli()[cell];
     physics::local_stiffness(dim, vem, lame, physics::stabilisation_factor(lame, system.problem().stabilisation), stiffness);
@@ -42,11 +52,15 @@ CellSums sum_cells(const CoupledSystem& system, Vec z, Vec change) {
     sums.elastic += 0.5 * u.dot(force);
     const double push = system.flow().rock()[cell].biot * vem.volume() * q[system.flow().layout().cell(cell)];
     const Eigen::VectorXd du = cell_values(step, vem, buffer);
-    const auto copies = mesh.copies_of(cell);
-    for (int s = 0; s < vem.n_nodes(); ++s)
-      for (int a = 0; a < dim; ++a)
-        if (system.fixed()[static_cast<std::size_t>(dim) * copies[s] + a])
-          sums.reaction += du[dim * s + a] * (force[dim * s + a] - push * vem.c()[s][a]);
+    displacements.clear();
+    system.layout().append_displacements(mesh, cell, displacements);
+    for (int j = 0; j < vem.n_nodes() + vem.n_normals(); ++j)
+      for (int a = 0; a < (vem.is_normal(j) ? 1 : dim); ++a) {
+        const int i = vem.first_component(j) + a;
+        if (!system.fixed()[displacements[i]]) continue;
+        const double divergence = vem.is_normal(j) ? vem.c()[j].dot(vem.normal(j)) : vem.c()[j][a];
+        sums.reaction += du[i] * (force[i] - push * divergence);
+      }
   }
   return sums;
 }
@@ -62,8 +76,8 @@ FaceSums sum_faces(const CoupledSystem& system, Vec before, Vec after) {
   system.layout().gather(before, old);
   system.layout().gather(after, now);
   MechanicalState prescribed = system.layout().create_state();  // change of prescribed displacements alone
-  for (std::size_t i = 0; i < prescribed.nodal.size(); ++i)
-    if (system.fixed()[i]) prescribed.nodal[i] = now.nodal[i] - old.nodal[i];
+  for (std::size_t i = 0; i < prescribed.displacement.size(); ++i)
+    if (system.fixed()[i]) prescribed.displacement[i] = now.displacement[i] - old.displacement[i];
   const FlowLayout& flow = system.flow().layout();
   la::Handle<Vec> q = flow.create_vector(), x = system.layout().create_vector();
   system.split(after, x, q);
@@ -93,8 +107,8 @@ double load_work(const CoupledSystem& system, Vec change) {
   const VecRead du(change);
   const Layout& layout = system.layout();
   double work = 0;
-  for (Index i = 0; i < layout.nodal_size(); ++i)
-    if (!system.fixed()[i]) work += system.loads().nodal[i] * du[i];
+  for (Index i = 0; i < layout.displacement_size(); ++i)
+    if (!system.fixed()[i]) work += system.loads().displacement[i] * du[i];
   for (Index i = 0; i < layout.fracture_size(); ++i) work += system.loads().bubble[i] * du[layout.bubble_start() + i];
   return work;
 }

@@ -36,7 +36,7 @@ EvalPoint face_point(const mesh::DistributedMesh& mesh, Index fracture_face, con
 void add_cell_errors(const MechanicsSystem& system, const physics::ExactSolution& exact, double time, Vec x, ErrorNorms& norms) {
   const int dim = system.layout().dim();
   const CellLoop loop(system, x);
-  spaces::VemCell vem(system.mesh().mesh);
+  spaces::VemCell vem(system.mesh().mesh, system.layout().bubbles());
   std::vector<double> v;
   std::vector<geometry::QuadraturePoint> rule;
   Squares displacement, gradient;

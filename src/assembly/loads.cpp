@@ -1,10 +1,12 @@
 #include "polyslip/assembly/loads.hpp"
 
 #include <algorithm>
+#include <cmath>
 
 #include "polyslip/common/error.hpp"
 #include "polyslip/common/mpi.hpp"
 #include "polyslip/geometry/faces.hpp"
+#include "polyslip/spaces/hfv_cell.hpp"
 
 namespace polyslip::assembly {
 
@@ -46,13 +48,13 @@ std::vector<Vec3> points_of_copies(const mesh::DistributedMesh& mesh) {
 }  // namespace
 
 Loads Loads::blend(const Loads& a, const Loads& b, double s) {
-  return {assembly::blend(a.nodal, b.nodal, s), assembly::blend(a.bubble, b.bubble, s), assembly::blend(a.dirichlet, b.dirichlet, s),
+  return {assembly::blend(a.displacement, b.displacement, s), assembly::blend(a.bubble, b.bubble, s), assembly::blend(a.dirichlet, b.dirichlet, s),
           assembly::blend(a.fracture_pressure, b.fracture_pressure, s)};
 }
 
 LoadAssembler::LoadAssembler(const mesh::DistributedMesh& mesh, const physics::MechanicsProblem& problem, const Layout& layout,
                              const ContactCells& cells)
-    : mesh_(mesh), problem_(problem), layout_(layout), cells_(cells) {
+    : mesh_(mesh), problem_(problem), layout_(layout), cells_(cells), fracture_of_face_(mesh::fracture_numbers(mesh)) {
   for (Index face = 0; face < mesh.mesh.n_faces(); ++face)
     if (mesh.face_is_boundary[face]) boundary_faces_.push_back(face);
   for (const physics::BoundaryRule& rule : problem.boundary) {
@@ -87,8 +89,31 @@ void LoadAssembler::mark_fixed() {
       }
     }
   layout_.copy_halo().owner_to_ghost(std::span<Index>(rule_of_), dim);
-  fixed_.resize(rule_of_.size());
-  std::transform(rule_of_.begin(), rule_of_.end(), fixed_.begin(), [](Index r) { return r >= 0 ? 1 : 0; });
+  fixed_.assign(static_cast<std::size_t>(layout_.local_displacements()), 0);
+  for (Index copy = 0; copy < m.n_copies(); ++copy)
+    for (int a = 0; a < dim; ++a) fixed_[layout_.of_copy(copy) + a] = rule_of_[static_cast<std::size_t>(dim) * copy + a] >= 0 ? 1 : 0;
+  if (layout_.bubbles() == spaces::Bubbles::all) mark_fixed_normals();
+}
+
+/// The bubble of a boundary face is prescribed where all components that its normal has are.
+void LoadAssembler::mark_fixed_normals() {
+  for (Index face : boundary_faces_) {
+    if (layout_.of_normal(face) < 0) continue;
+    FixedNormal normal{face, {-1, -1, -1}};
+    for (Index r = 0; r < static_cast<Index>(problem_.boundary.size()); ++r)
+      for (int a = 0; a < layout_.dim() && applies(problem_.boundary[r], face); ++a)
+        if (problem_.boundary[r].displacement[a]) normal.rule[a] = r;
+    const Vec3 n = spaces::face_geometry(mesh_.mesh, face).normal;
+    bool all = true;
+    for (int a = 0; a < layout_.dim(); ++a) {
+      const bool matters = std::abs(n[a]) > 1e-8;
+      if (matters && normal.rule[a] < 0) all = false;
+      if (!matters) normal.rule[a] = -1;
+    }
+    if (!all) continue;
+    fixed_[layout_.of_normal(face)] = 1;
+    fixed_normals_.push_back(normal);
+  }
 }
 
 bool LoadAssembler::depends_on_time() const {
@@ -107,8 +132,9 @@ bool LoadAssembler::depends_on_time() const {
 
 Loads LoadAssembler::zero() const {
   const auto d = static_cast<std::size_t>(mesh_.mesh.dim);
-  return {std::vector<double>(d * mesh_.copies.local()), std::vector<double>(d * mesh_.fractures.local()),
-          std::vector<double>(d * mesh_.copies.local()), std::vector<double>(mesh_.fractures.local())};
+  const auto displacements = static_cast<std::size_t>(layout_.local_displacements());
+  return {std::vector<double>(displacements), std::vector<double>(d * mesh_.fractures.local()), std::vector<double>(displacements),
+          std::vector<double>(mesh_.fractures.local())};
 }
 
 Loads LoadAssembler::at(double time) const {
@@ -130,13 +156,26 @@ Loads LoadAssembler::at(double time) const {
   return loads;
 }
 
+void LoadAssembler::add_to_unknown(const spaces::VemCell& vem, int j, const Vec3& force, Loads& loads) const {
+  const int dim = layout_.dim(), k = j - vem.n_nodes();
+  if (vem.is_normal(j)) {
+    loads.displacement[layout_.of_normal(vem.normal_faces()[k])] += force.dot(vem.normal(j));
+    return;
+  }
+  double* target = nullptr;
+  if (k < 0)
+    target = &loads.displacement[layout_.of_copy(mesh_.mesh.copies_of(vem.cell())[j])];
+  else if (const Index face = fracture_of_face_[vem.bubble_faces()[k - vem.n_normals()]]; face >= 0)
+    target = &loads.bubble[static_cast<std::size_t>(dim) * face];
+  for (int a = 0; target != nullptr && a < dim; ++a) target[a] += force[a];
+}
+
 void LoadAssembler::add_body_force(double time, Loads& loads) const {
   // int_K f . Pi_K v = sum_s v_s . (F/n + M c_s) + sum_b v_b . (M c_b),  F = int f,  M = int f (x) (x - xbar)
   const mesh::PolyMesh& m = mesh_.mesh;
   const int dim = m.dim;
-  spaces::VemCell vem(m);
+  spaces::VemCell vem(m, layout_.bubbles());
   std::vector<geometry::QuadraturePoint> rule;
-  const std::vector<Index> number = mesh::fracture_numbers(mesh_);
   for (Index cell = 0; cell < m.n_cells(); ++cell) {
     vem.build(cell);
     rule.clear();
@@ -149,14 +188,10 @@ void LoadAssembler::add_body_force(double time, Loads& loads) const {
       total += q.weight * f;
       moment += q.weight * f * (q.x - vem.xbar()).transpose();
     }
-    const auto copies = m.copies_of(cell);
     for (int j = 0; j < vem.size(); ++j) {
       Vec3 force = moment * vem.c()[j];
       if (j < vem.n_nodes()) force += total / vem.n_nodes();
-      const Index target = j < vem.n_nodes() ? copies[j] : number[vem.bubble_faces()[j - vem.n_nodes()]];
-      if (target < 0) continue;
-      auto& values = j < vem.n_nodes() ? loads.nodal : loads.bubble;
-      for (int a = 0; a < dim; ++a) values[static_cast<std::size_t>(dim) * target + a] += force[a];
+      add_to_unknown(vem, j, force, loads);
     }
   }
 }
@@ -164,20 +199,11 @@ void LoadAssembler::add_body_force(double time, Loads& loads) const {
 void LoadAssembler::add_initial_stress(double time, Loads& loads) const {
   // - |K| sigma_0 : G_K v
   const mesh::PolyMesh& m = mesh_.mesh;
-  const auto dim = static_cast<std::size_t>(m.dim);
-  const std::vector<Index> number = mesh::fracture_numbers(mesh_);
-  spaces::VemCell vem(m);
+  spaces::VemCell vem(m, layout_.bubbles());
   for (Index cell = 0; cell < m.n_cells(); ++cell) {
     vem.build(cell);
     const Eigen::Matrix3d stress = physics::initial_stress(*problem_.initial_stress, {.x = vem.xbar(), .t = time});
-    const auto copies = m.copies_of(cell);
-    for (int j = 0; j < vem.size(); ++j) {
-      const Vec3 force = -vem.volume() * (stress * vem.c()[j]);
-      const Index target = j < vem.n_nodes() ? copies[j] : number[vem.bubble_faces()[j - vem.n_nodes()]];
-      if (target < 0) continue;
-      auto& values = j < vem.n_nodes() ? loads.nodal : loads.bubble;
-      for (std::size_t a = 0; a < dim; ++a) values[dim * target + a] += force[static_cast<Eigen::Index>(a)];
-    }
+    for (int j = 0; j < vem.size(); ++j) add_to_unknown(vem, j, -vem.volume() * (stress * vem.c()[j]), loads);
   }
 }
 
@@ -217,8 +243,10 @@ void LoadAssembler::add_boundary_forces(double time, Loads& loads) const {
     for (std::size_t s = 0; s < points.size(); ++s) {
       const Index copy = m.copies_of(cell)[std::find(nodes.begin(), nodes.end(), m.face_nodes[face][s]) - nodes.begin()];
       for (int a = 0; a < dim; ++a)
-        loads.nodal[static_cast<std::size_t>(dim) * copy + a] += w[s] * force[a] - pressure_mean * g[s][a];
+        loads.displacement[layout_.of_copy(copy) + a] += w[s] * force[a] - pressure_mean * g[s][a];
     }
+    if (const Index bubble = layout_.of_normal(face); bubble >= 0)
+      loads.displacement[bubble] += spaces::bubble_normal(geometry.normal).dot(force - pressure_mean * geometry.area * geometry.normal);
   }
 }
 
@@ -226,11 +254,45 @@ void LoadAssembler::set_dirichlet(double time, Loads& loads) const {
   const int dim = mesh_.mesh.dim;
   for (Index copy = 0; copy < mesh_.copies.owned; ++copy)
     for (int a = 0; a < dim; ++a) {
-      const std::size_t i = static_cast<std::size_t>(dim) * copy + a;
-      if (rule_of_[i] < 0) continue;
-      loads.dirichlet[i] = (*problem_.boundary[rule_of_[i]].displacement[a])({.x = evaluation_points_[copy], .t = time});
+      const Index r = rule_of_[static_cast<std::size_t>(dim) * copy + a];
+      if (r < 0) continue;
+      loads.dirichlet[layout_.of_copy(copy) + a] = (*problem_.boundary[r].displacement[a])({.x = evaluation_points_[copy], .t = time});
     }
-  layout_.copy_halo().owner_to_ghost(loads.dirichlet, dim);
+  layout_.exchange(loads.dirichlet);
+  if (!fixed_normals_.empty()) set_normal_dirichlet(time, loads);
+}
+
+/// What the mean of a prescribed displacement over a face has beyond the weighted values at its nodes, along the normal. Without it the
+/// volume that is pressed through the boundary would be wrong by O(h^2), and the pressure of a body held all round by lambda times that.
+void LoadAssembler::set_normal_dirichlet(double time, Loads& loads) const {
+  const mesh::PolyMesh& m = mesh_.mesh;
+  std::vector<Vec3> points, g;
+  std::vector<double> w;
+  std::vector<geometry::QuadraturePoint> rule;
+  for (const FixedNormal& fixed : fixed_normals_) {
+    spaces::face_points(m, fixed.face, points);
+    g.resize(points.size());
+    w.resize(points.size());
+    geometry::vector_weights(m.dim, points, g);
+    const auto geometry = geometry::face_geometry(points, g, w);
+    rule.clear();
+    geometry::append_face_rule(m.dim, points, geometry.normal, rule);
+    const Vec3 n = spaces::bubble_normal(geometry.normal);
+    double sum = 0, area = 0, nodal = 0;
+    for (const auto& q : rule) {
+      area += q.weight;
+      for (int a = 0; a < m.dim; ++a)
+        if (fixed.rule[a] >= 0) sum += q.weight * n[a] * (*problem_.boundary[fixed.rule[a]].displacement[a])({.x = q.x, .t = time});
+    }
+    const Index cell = m.face_cells[fixed.face][0];
+    const auto nodes = m.cell_nodes[cell];
+    for (std::size_t s = 0; s < points.size(); ++s) {
+      const Index copy = m.copies_of(cell)[std::find(nodes.begin(), nodes.end(), m.face_nodes[fixed.face][s]) - nodes.begin()];
+      for (int a = 0; a < m.dim; ++a)
+        if (fixed.rule[a] >= 0) nodal += w[s] * n[a] * loads.dirichlet[layout_.of_copy(copy) + a];
+    }
+    loads.dirichlet[layout_.of_normal(fixed.face)] = sum / area - nodal;
+  }
 }
 
 }  // namespace polyslip::assembly

@@ -34,14 +34,18 @@ void CellLoop::values(const spaces::VemCell& vem, std::vector<double>& v) const 
   const int dim = system_.layout().dim();
   v.clear();
   for (Index copy : system_.mesh().mesh.copies_of(vem.cell()))
-    for (int a = 0; a < dim; ++a) v.push_back(state_.nodal[static_cast<std::size_t>(dim) * copy + a]);
+    for (int a = 0; a < dim; ++a) v.push_back(state_.displacement[system_.layout().of_copy(copy) + a]);
+  for (int k = 0; k < vem.n_normals(); ++k) {
+    const double value = state_.displacement[system_.layout().of_normal(vem.normal_faces()[k])];
+    for (int a = 0; a < dim; ++a) v.push_back(value * vem.normal(vem.n_nodes() + k)[a]);
+  }
   for (Index face : vem.bubble_faces())
     for (int a = 0; a < dim; ++a) v.push_back(state_.bubble[static_cast<std::size_t>(dim) * fracture_of_face_[face] + a]);
 }
 
 std::vector<double> cell_stresses(const MechanicsSystem& system, Vec x) {
   const CellLoop loop(system, x);
-  spaces::VemCell vem(system.mesh().mesh);
+  spaces::VemCell vem(system.mesh().mesh, system.layout().bubbles());
   std::vector<double> v, stresses;
   for (Index cell = 0; cell < system.mesh().cells.owned; ++cell) {
     vem.build(cell);
@@ -80,7 +84,7 @@ Vec3 PointProbe::displacement(const MechanicsSystem& system, Vec x) const {
   const CellLoop loop(system, x);
   std::array<double, 3> u{};
   if (cell_ >= 0) {
-    spaces::VemCell vem(system.mesh().mesh);
+    spaces::VemCell vem(system.mesh().mesh, system.layout().bubbles());
     std::vector<double> v;
     vem.build(cell_);
     loop.values(vem, v);

@@ -34,77 +34,116 @@ void assign_laws(const mesh::DistributedMesh& mesh, const physics::MechanicsProb
   }
 }
 
-/// Couplings of each owned copy: all copies of the cells that see it, and of the + cells whose condensed block holds it.
-Csr matrix_graph(const mesh::DistributedMesh& mesh, const ContactCells& contact) {
-  const mesh::PolyMesh& m = mesh.mesh;
-  const Index owned = mesh.copies.owned;
-  Csr cells_of;  // groups of copies by owned copy: cells first, then (negative) + cells
-  cells_of.offsets.assign(static_cast<std::size_t>(owned) + 1, 0);
-  const auto for_each = [&](auto&& visit) {
-    for (Index cell = 0; cell < m.n_cells(); ++cell)
-      for (Index copy : m.copies_of(cell))
-        if (copy < owned) visit(copy, cell);
-    for (Index p = 0; p < contact.size(); ++p)
-      for (Index copy : contact.external(p))
-        if (copy < owned) visit(copy, -1 - p);
+/// Entities of each cell, and then of the condensed block of each + cell.
+Csr entity_groups(const mesh::DistributedMesh& mesh, const Layout& layout, const ContactCells& contact) {
+  Csr groups;
+  std::vector<Index> displacements, entities;
+  const auto push = [&](std::span<const Index> group) {
+    entities.clear();
+    for (Index i : group)
+      if (const Index entity = layout.entity_of(i); entities.empty() || entities.back() != entity) entities.push_back(entity);
+    groups.push_row(entities);
   };
-  for_each([&](Index copy, Index) { ++cells_of.offsets[copy + 1]; });
-  for (Index i = 0; i < owned; ++i) cells_of.offsets[i + 1] += cells_of.offsets[i];
-  cells_of.values.resize(static_cast<std::size_t>(cells_of.offsets[owned]));
-  std::vector<Index> next(cells_of.offsets.begin(), cells_of.offsets.end() - 1);
-  for_each([&](Index copy, Index group) { cells_of.values[next[copy]++] = group; });
+  for (Index cell = 0; cell < mesh.mesh.n_cells(); ++cell) {
+    displacements.clear();
+    layout.append_displacements(mesh.mesh, cell, displacements);
+    push(displacements);
+  }
+  for (Index p = 0; p < contact.size(); ++p) push(contact.displacements(p));
+  return groups;
+}
+
+/// Couplings of each owned entity: all entities of the cells that see it, and of the + cells whose condensed block holds it.
+Csr matrix_graph(const mesh::DistributedMesh& mesh, const Layout& layout, const ContactCells& contact) {
+  const Csr groups = entity_groups(mesh, layout, contact);
+  const Index owned = layout.owned_entities();
+  Csr groups_of;  // by owned entity
+  groups_of.offsets.assign(static_cast<std::size_t>(owned) + 1, 0);
+  const auto for_each = [&](auto&& visit) {
+    for (Index group = 0; group < groups.rows(); ++group)
+      for (Index entity : groups[group])
+        if (entity < owned) visit(entity, group);
+  };
+  for_each([&](Index entity, Index) { ++groups_of.offsets[entity + 1]; });
+  for (Index i = 0; i < owned; ++i) groups_of.offsets[i + 1] += groups_of.offsets[i];
+  groups_of.values.resize(static_cast<std::size_t>(groups_of.offsets[owned]));
+  std::vector<Index> next(groups_of.offsets.begin(), groups_of.offsets.end() - 1);
+  for_each([&](Index entity, Index group) { groups_of.values[next[entity]++] = group; });
 
   Csr graph;
   graph.offsets.reserve(static_cast<std::size_t>(owned) + 1);
-  std::vector<Index> seen_by(static_cast<std::size_t>(m.n_copies()), -1);
+  std::vector<Index> seen_by(static_cast<std::size_t>(layout.local_entities()), -1);
   for (Index row = 0; row < owned; ++row) {
-    for (Index group : cells_of[row])
-      for (Index copy : group >= 0 ? m.copies_of(group) : contact.external(-1 - group)) {
-        if (seen_by[copy] == row) continue;
-        seen_by[copy] = row;
-        graph.values.push_back(copy);
+    for (Index group : groups_of[row])
+      for (Index entity : groups[group]) {
+        if (seen_by[entity] == row) continue;
+        seen_by[entity] = row;
+        graph.values.push_back(entity);
       }
     graph.offsets.push_back(static_cast<Index>(graph.values.size()));
   }
   return graph;
 }
 
-/// Adds a dense block over `copies`, the leading part of rows of `width` entries, to the matrix; prescribed components keep their diagonal
-/// entry only.
-void add_block(la::BlockMatrix& matrix, int dim, std::span<const Index> copies, std::span<const char> fixed,
+/// Adds a dense block over `displacements`, the leading part of rows of `width` entries, to the matrix; prescribed ones keep their
+/// diagonal entry only.
+void add_block(la::BlockMatrix& matrix, const Layout& layout, std::span<const Index> displacements, std::span<const char> fixed,
                std::span<const double> block, int width) {
-  const int n = static_cast<int>(copies.size());
-  const bool any_fixed = std::any_of(copies.begin(), copies.end(), [&](Index copy) {
-    return std::any_of(&fixed[static_cast<std::size_t>(dim) * copy], &fixed[static_cast<std::size_t>(dim) * copy] + dim, [](char c) { return c != 0; });
-  });
+  const int n = static_cast<int>(displacements.size());
+  const bool any_fixed = std::any_of(displacements.begin(), displacements.end(), [&](Index i) { return fixed[i] != 0; });
   std::array<double, 9> masked;
-  for (int i = 0; i < n; ++i) {
-    if (copies[i] >= matrix.owned()) continue;
-    for (int j = 0; j < n; ++j) {
-      const double* entry = &block[static_cast<std::size_t>(dim * i) * width + dim * j];
+  for (int i = 0, rows = 0; i < n; i += rows) {
+    const Index row = layout.entity_of(displacements[i]);
+    rows = matrix.width(row);
+    if (row >= matrix.owned()) continue;
+    for (int j = 0, columns = 0; j < n; j += columns) {
+      const Index col = layout.entity_of(displacements[j]);
+      columns = matrix.width(col);
+      const double* entry = &block[static_cast<std::size_t>(i) * width + j];
       if (!any_fixed) {
-        matrix.add(copies[i], copies[j], entry, width);
+        matrix.add(row, col, entry, width);
         continue;
       }
-      for (int a = 0; a < dim; ++a)
-        for (int b = 0; b < dim; ++b) {
-          const bool keep = (i == j && a == b) || (!fixed[static_cast<std::size_t>(dim) * copies[i] + a] &&
-                                                   !fixed[static_cast<std::size_t>(dim) * copies[j] + b]);
-          masked[dim * a + b] = keep ? entry[a * width + b] : 0.0;
+      for (int a = 0; a < rows; ++a)
+        for (int b = 0; b < columns; ++b) {
+          const bool keep = i + a == j + b || (!fixed[displacements[i + a]] && !fixed[displacements[j + b]]);
+          masked[columns * a + b] = keep ? entry[a * width + b] : 0.0;
         }
-      matrix.add(copies[i], copies[j], masked.data(), dim);
+      matrix.add(row, col, masked.data(), columns);
     }
   }
 }
 
-bool sees_owned_copy(const mesh::DistributedMesh& mesh, Index cell) {
-  const auto copies = mesh.mesh.copies_of(cell);
-  return std::any_of(copies.begin(), copies.end(), [&](Index copy) { return copy < mesh.copies.owned; });
-}
+/// Displacements and stiffness of one cell after another, without allocation.
+class LocalStiffness {
+ public:
+  LocalStiffness(const MechanicsSystem& system) : system_(system), vem_(system.mesh().mesh, system.layout().bubbles()) {}
+
+  /// The cell's displacements (no bubbles of fracture faces: a bulk cell).
+  std::span<const Index> displacements(Index cell) {
+    displacements_.clear();
+    system_.layout().append_displacements(system_.mesh().mesh, cell, displacements_);
+    return displacements_;
+  }
+  std::span<const double> matrix(Index cell) {
+    vem_.build(cell);
+    const auto n = static_cast<std::size_t>(vem_.components());
+    matrix_.resize(n * n);
+    const physics::Lame& lame = system_.moduli()[cell];
+    physics::local_stiffness(system_.layout().dim(), vem_, lame, physics::stabilisation_factor(lame, system_.problem().stabilisation), matrix_);
+    return matrix_;
+  }
+
+ private:
+  const MechanicsSystem& system_;
+  spaces::VemCell vem_;
+  std::vector<Index> displacements_;
+  std::vector<double> matrix_;
+};
 
 /// Rigid-body modes of the owned copies, for algebraic multigrid.
-void attach_rigid_body_modes(const mesh::DistributedMesh& mesh, const Layout& layout, Mat matrix) {
-  la::Handle<Vec> coordinates = layout.create_nodal_vector();
+la::Handle<MatNullSpace> rigid_body_modes(const mesh::DistributedMesh& mesh, const Layout& layout) {
+  const la::Handle<Vec> coordinates = layout.create_nodal_vector();
   {
     const VecWrite x(coordinates);
     const int dim = mesh.mesh.dim;
@@ -113,7 +152,7 @@ void attach_rigid_body_modes(const mesh::DistributedMesh& mesh, const Layout& la
   }
   la::Handle<MatNullSpace> modes;
   POLYSLIP_PETSC(MatNullSpaceCreateRigidBody(coordinates, modes.put()));
-  POLYSLIP_PETSC(MatSetNearNullSpace(matrix, modes));
+  return modes;
 }
 
 }  // namespace
@@ -122,8 +161,8 @@ MechanicsSystem::MechanicsSystem(const mesh::DistributedMesh& mesh, const physic
     : mesh_(mesh),
       problem_(problem),
       moduli_(physics::cell_moduli(mesh.mesh, problem.materials)),
-      layout_(mesh),
-      cells_(mesh, moduli_, problem.stabilisation),
+      layout_(mesh, problem.bubbles),
+      cells_(mesh, layout_, moduli_, problem.stabilisation),
       load_assembler_(mesh, problem, layout_, cells_),
       beta_scale_(problem.beta_scale),
       initial_(static_cast<std::size_t>(mesh.fractures.local()), Vec3::Zero()),
@@ -131,37 +170,51 @@ MechanicsSystem::MechanicsSystem(const mesh::DistributedMesh& mesh, const physic
       law_(static_cast<std::size_t>(mesh.fractures.local())),
       work_(layout_.create_state()),
       work2_(layout_.create_state()),
-      nodal_in_(layout_.create_nodal_vector()),
-      nodal_out_(layout_.create_nodal_vector()) {
+      free_in_(layout_.create_displacement_vector()),
+      product_(layout_.create_displacement_vector()) {
   assign_laws(mesh, problem, cells_);
   assemble_bulk();
 }
 
 void MechanicsSystem::assemble_bulk() {
-  const int dim = mesh_.mesh.dim;
-  matrix_ = std::make_unique<la::BlockMatrix>(
-      la::BlockMatrix::Layout{mesh_.comm, dim, mesh_.copies.owned, mesh_.copies.first, mesh_.copies.ghosts}, matrix_graph(mesh_, cells_));
-  spaces::VemCell vem(mesh_.mesh);
-  std::vector<double> local;
+  matrix_ = std::make_unique<la::BlockMatrix>(layout_.matrix_layout(), matrix_graph(mesh_, layout_, cells_));
+  LocalStiffness local(*this);
   matrix_->begin_writing();
   for (Index cell = 0; cell < mesh_.mesh.n_cells(); ++cell) {
-    if (cells_.contains(cell) || !sees_owned_copy(mesh_, cell)) continue;
-    vem.build(cell);
-    const std::size_t n = static_cast<std::size_t>(dim) * vem.size();
-    local.resize(n * n);
-    physics::local_stiffness(dim, vem, moduli_[cell], physics::stabilisation_factor(moduli_[cell], problem_.stabilisation), local);
-    add_block(*matrix_, dim, mesh_.mesh.copies_of(cell), fixed(), local, static_cast<int>(n));
+    if (cells_.contains(cell)) continue;
+    const auto displacements = local.displacements(cell);
+    if (is_ours(displacements))
+      add_block(*matrix_, layout_, displacements, fixed(), local.matrix(cell), static_cast<int>(displacements.size()));
   }
   for (Index p = 0; p < cells_.size(); ++p)
-    for (Index copy : cells_.external(p))
-      if (copy < mesh_.copies.owned) contact_rows_.push_back(copy);
+    for (Index i : cells_.displacements(p))
+      if (i < layout_.displacement_size()) contact_rows_.push_back(layout_.entity_of(i));
   std::sort(contact_rows_.begin(), contact_rows_.end());
   contact_rows_.erase(std::unique(contact_rows_.begin(), contact_rows_.end()), contact_rows_.end());
   for (Index row : contact_rows_)
     for (auto values : {matrix_->diagonal_row(row), matrix_->offdiagonal_row(row)})
       bulk_rows_.insert(bulk_rows_.end(), values.begin(), values.end());
   matrix_->end_writing();
-  attach_rigid_body_modes(mesh_, layout_, matrix_->get());
+  describe_fields();
+}
+
+bool MechanicsSystem::is_ours(std::span<const Index> displacements) const {
+  return std::any_of(displacements.begin(), displacements.end(), [&](Index i) { return i < layout_.displacement_size(); });
+}
+
+void MechanicsSystem::describe_fields() {
+  const la::Handle<MatNullSpace> modes = rigid_body_modes(mesh_, layout_);
+  if (layout_.bubbles() == spaces::Bubbles::fracture) {
+    POLYSLIP_PETSC(MatSetNearNullSpace(matrix_->get(), modes));
+    return;
+  }
+  const GlobalIndex first = layout_.first();
+  POLYSLIP_PETSC(ISCreateStride(mesh_.comm, layout_.nodal_size(), first, 1, nodal_field_.put()));
+  POLYSLIP_PETSC(ISSetBlockSize(nodal_field_, layout_.dim()));
+  POLYSLIP_PETSC(PetscObjectCompose(reinterpret_cast<PetscObject>(nodal_field_.get()), "nearnullspace",
+                                    reinterpret_cast<PetscObject>(modes.get())));
+  POLYSLIP_PETSC(ISCreateStride(mesh_.comm, layout_.displacement_size() - layout_.nodal_size(), first + layout_.nodal_size(), 1,
+                                normal_field_.put()));
 }
 
 void MechanicsSystem::write_contact_rows(MatrixContent content) {
@@ -175,7 +228,7 @@ void MechanicsSystem::write_contact_rows(MatrixContent content) {
     }
   if (content != MatrixContent::bulk)
     for (Index p = 0; p < cells_.size(); ++p)
-      add_block(*matrix_, mesh_.mesh.dim, cells_.external(p), fixed(),
+      add_block(*matrix_, layout_, cells_.displacements(p), fixed(),
                 content == MatrixContent::exact ? cells_.block(p) : cells_.symmetric_block(p), cells_.block_size(p));
   matrix_->end_writing();
   content_ = content;
@@ -185,45 +238,31 @@ void MechanicsSystem::set_loads(Loads loads) {
   loads_ = std::move(loads);
   compute_lift();
   double squares = 0;
-  for (Index i = 0; i < layout_.nodal_size(); ++i) squares += std::pow(loads_.nodal[i], 2) + std::pow(lift_[i], 2);
+  for (Index i = 0; i < layout_.displacement_size(); ++i) squares += std::pow(loads_.displacement[i], 2) + std::pow(lift_[i], 2);
   for (Index f = 0; f < mesh_.fractures.owned; ++f) squares += std::pow(cells_.faces()[f].area * loads_.fracture_pressure[f], 2);
   load_scale_ = std::sqrt(mpi::sum(mesh_.comm, squares));
 }
 
 void MechanicsSystem::compute_lift() {
-  const int dim = mesh_.mesh.dim;
-  lift_.assign(static_cast<std::size_t>(layout_.nodal_size()), 0.0);
-  spaces::VemCell vem(mesh_.mesh);
-  std::vector<double> local;
+  lift_.assign(static_cast<std::size_t>(layout_.displacement_size()), 0.0);
+  LocalStiffness local(*this);
   for (Index cell = 0; cell < mesh_.mesh.n_cells(); ++cell) {
     if (cells_.contains(cell)) continue;
-    const auto copies = mesh_.mesh.copies_of(cell);
-    const bool prescribed = std::any_of(copies.begin(), copies.end(), [&](Index copy) {
-      for (int b = 0; b < dim; ++b)
-        if (loads_.dirichlet[static_cast<std::size_t>(dim) * copy + b] != 0) return true;
-      return false;
-    });
-    if (!prescribed || !sees_owned_copy(mesh_, cell)) continue;
-    vem.build(cell);
-    const std::size_t n = static_cast<std::size_t>(dim) * vem.size();
-    local.resize(n * n);
-    physics::local_stiffness(dim, vem, moduli_[cell], physics::stabilisation_factor(moduli_[cell], problem_.stabilisation), local);
-    for (std::size_t i = 0; i < copies.size(); ++i) {
-      if (copies[i] >= mesh_.copies.owned) continue;
-      for (int a = 0; a < dim; ++a) {
-        if (fixed()[static_cast<std::size_t>(dim) * copies[i] + a]) continue;
-        double& sum = lift_[static_cast<std::size_t>(dim) * copies[i] + a];
-        for (std::size_t j = 0; j < copies.size(); ++j)
-          for (int b = 0; b < dim; ++b)
-            sum += local[(dim * i + a) * n + dim * j + b] * loads_.dirichlet[static_cast<std::size_t>(dim) * copies[j] + b];
-      }
+    const auto displacements = local.displacements(cell);
+    const bool prescribed = std::any_of(displacements.begin(), displacements.end(), [&](Index i) { return loads_.dirichlet[i] != 0; });
+    if (!prescribed || !is_ours(displacements)) continue;
+    const auto matrix = local.matrix(cell);
+    const std::size_t n = displacements.size();
+    for (std::size_t i = 0; i < n; ++i) {
+      if (displacements[i] >= layout_.displacement_size() || fixed()[displacements[i]]) continue;
+      for (std::size_t j = 0; j < n; ++j) lift_[displacements[i]] += matrix[i * n + j] * loads_.dirichlet[displacements[j]];
     }
   }
 }
 
 void MechanicsSystem::impose_dirichlet(Vec x) const {
   const VecWrite a(x);
-  for (Index i = 0; i < layout_.nodal_size(); ++i)
+  for (Index i = 0; i < layout_.displacement_size(); ++i)
     if (fixed()[i]) a[i] = loads_.dirichlet[i];
 }
 
@@ -265,22 +304,18 @@ ContactPoint MechanicsSystem::point(Index face, const MechanicalState& state) co
 }
 
 void MechanicsSystem::add_blocks(std::span<const double> x, std::span<double> y, bool difference_only, double sign) const {
-  const int dim = layout_.dim();
   std::vector<double> local;
   for (Index p = 0; p < cells_.size(); ++p) {
     if (difference_only && !cells_.differs(p)) continue;
-    const auto copies = cells_.external(p);
-    const std::size_t n = static_cast<std::size_t>(dim) * copies.size(), width = static_cast<std::size_t>(cells_.block_size(p));
+    const auto displacements = cells_.displacements(p);
+    const std::size_t n = displacements.size(), width = static_cast<std::size_t>(cells_.block_size(p));
     local.resize(n);
-    for (std::size_t j = 0; j < n; ++j) {
-      const std::size_t global = static_cast<std::size_t>(dim) * copies[j / dim] + j % dim;
-      local[j] = fixed()[global] ? 0.0 : x[global];
-    }
+    for (std::size_t j = 0; j < n; ++j) local[j] = fixed()[displacements[j]] ? 0.0 : x[displacements[j]];
     const auto exact = cells_.block(p), symmetric = cells_.symmetric_block(p);
     const bool stored_exact = content_ == MatrixContent::exact;
     for (std::size_t i = 0; i < n; ++i) {
-      const std::size_t row = static_cast<std::size_t>(dim) * copies[i / dim] + i % dim;
-      if (static_cast<Index>(row) >= layout_.nodal_size() || fixed()[row]) continue;
+      const Index row = displacements[i];
+      if (row >= layout_.displacement_size() || fixed()[row]) continue;
       double sum = 0;
       if (difference_only)
         for (std::size_t j = 0; j < n; ++j) sum += (exact[i * width + j] - symmetric[i * width + j]) * local[j];
@@ -291,15 +326,15 @@ void MechanicsSystem::add_blocks(std::span<const double> x, std::span<double> y,
   }
 }
 
-void MechanicsSystem::add_bulk(Vec nodal_free, std::span<double> rows) const {
+void MechanicsSystem::add_bulk(Vec free, std::span<double> rows) const {
   // A u = P u - sum_K C_K u with the blocks that P holds: no second matrix.
-  POLYSLIP_PETSC(MatMult(matrix_->get(), nodal_free, nodal_out_));
+  POLYSLIP_PETSC(MatMult(matrix_->get(), free, product_));
   {
-    const VecRead product(nodal_out_);
-    for (Index i = 0; i < layout_.nodal_size(); ++i)
+    const VecRead product(product_);
+    for (Index i = 0; i < layout_.displacement_size(); ++i)
       if (!fixed()[i]) rows[i] += product[i];
   }
-  if (content_ != MatrixContent::bulk) add_blocks(work_.nodal, rows, false, -1.0);
+  if (content_ != MatrixContent::bulk) add_blocks(work_.displacement, rows, false, -1.0);
 }
 
 void MechanicsSystem::momentum_action(Vec y, Vec r) const { momentum_rows(y, {}, r); }
@@ -307,24 +342,24 @@ void MechanicsSystem::momentum_action(Vec y, Vec r) const { momentum_rows(y, {},
 void MechanicsSystem::momentum_rows(Vec y, std::span<const double> fracture_pressure, Vec r) const {
   gather(y, work_);
   {
-    const VecWrite free(nodal_in_);
-    for (Index i = 0; i < layout_.nodal_size(); ++i) free[i] = fixed()[i] ? 0.0 : work_.nodal[i];
+    const VecWrite free(free_in_);
+    for (Index i = 0; i < layout_.displacement_size(); ++i) free[i] = fixed()[i] ? 0.0 : work_.displacement[i];
   }
   auto& rows = work2_;
-  std::fill(rows.nodal.begin(), rows.nodal.end(), 0.0);
+  std::fill(rows.displacement.begin(), rows.displacement.end(), 0.0);
   std::fill(rows.bubble.begin(), rows.bubble.end(), 0.0);
   std::fill(rows.multiplier.begin(), rows.multiplier.end(), 0.0);
-  add_bulk(nodal_in_, rows.nodal);
-  cells_.add_momentum(work_, fracture_pressure, rows.nodal, rows.bubble);
-  for (Index i = 0; i < layout_.nodal_size(); ++i)
-    if (fixed()[i]) rows.nodal[i] = work_.nodal[i];
+  add_bulk(free_in_, rows.displacement);
+  cells_.add_momentum(work_, fracture_pressure, rows.displacement, rows.bubble);
+  for (Index i = 0; i < layout_.displacement_size(); ++i)
+    if (fixed()[i]) rows.displacement[i] = work_.displacement[i];
   scatter(rows, r);
 }
 
 void MechanicsSystem::residual(Vec x, Vec f) const {
   momentum_rows(x, loads_.fracture_pressure, f);
   const VecWrite rows(f);
-  for (Index i = 0; i < layout_.nodal_size(); ++i) rows[i] += fixed()[i] ? -loads_.dirichlet[i] : lift_[i] - loads_.nodal[i];
+  for (Index i = 0; i < layout_.displacement_size(); ++i) rows[i] += fixed()[i] ? -loads_.dirichlet[i] : lift_[i] - loads_.displacement[i];
   const int dim = layout_.dim();
   for (Index face = 0; face < mesh_.fractures.owned; ++face) {
     const Vec3 r = cells_.faces()[face].area * physics::contact_residual(law_of(face), point(face, work_), augmentation(face));
@@ -377,7 +412,7 @@ ResidualNorms MechanicsSystem::norms(Vec x, Vec f) const {
   const VecRead rows(f);
   std::array<double, 3> squares{};
   for (Index i = 0; i < layout_.multiplier_start(); ++i)
-    if (i >= layout_.nodal_size() || !fixed()[i]) squares[0] += rows[i] * rows[i];
+    if (i >= layout_.displacement_size() || !fixed()[i]) squares[0] += rows[i] * rows[i];
   for (Index face = 0; face < mesh_.fractures.owned; ++face) {
     const ContactFace& contact = cells_.faces()[face];
     const ContactPoint p = point(face, work_);
@@ -427,9 +462,11 @@ void MechanicsSystem::linearise(Vec x, MatrixContent content) {
 
 std::vector<PetscInt> MechanicsSystem::changing_rows() const {
   std::vector<PetscInt> rows;
-  const int dim = layout_.dim();
-  for (Index copy : contact_rows_)
-    for (int a = 0; a < dim; ++a) rows.push_back(dim * (mesh_.copies.first + copy) + a);
+  for (Index p = 0; p < cells_.size(); ++p)
+    for (Index i : cells_.displacements(p))
+      if (i < layout_.displacement_size()) rows.push_back(layout_.global(i));
+  std::sort(rows.begin(), rows.end());
+  rows.erase(std::unique(rows.begin(), rows.end()), rows.end());
   return rows;
 }
 
@@ -438,27 +475,27 @@ void MechanicsSystem::apply_condensed(Vec x, Vec y) const {
   if (matrix_is_exact_) return;
   {
     const VecRead a(x);
-    std::copy_n(a.data(), layout_.nodal_size(), work_.nodal.begin());
+    std::copy_n(a.data(), layout_.displacement_size(), work_.displacement.begin());
   }
-  layout_.copy_halo().owner_to_ghost(work_.nodal, layout_.dim());
+  layout_.exchange(work_.displacement);
   const VecWrite rows(y);
-  add_blocks(work_.nodal, {rows.data(), static_cast<std::size_t>(layout_.nodal_size())}, true, 1.0);
+  add_blocks(work_.displacement, {rows.data(), static_cast<std::size_t>(layout_.displacement_size())}, true, 1.0);
 }
 
-void MechanicsSystem::condense_residual(Vec f, Vec nodal) const {
+void MechanicsSystem::condense_residual(Vec f, Vec displacement) const {
   gather(f, work_);
-  cells_.condense_residual(work_.bubble, work_.multiplier, work_.nodal);
-  const VecWrite rows(nodal);
-  for (Index i = 0; i < layout_.nodal_size(); ++i) rows[i] = fixed()[i] ? 0.0 : work_.nodal[i];
+  cells_.condense_residual(work_.bubble, work_.multiplier, work_.displacement);
+  const VecWrite rows(displacement);
+  for (Index i = 0; i < layout_.displacement_size(); ++i) rows[i] = fixed()[i] ? 0.0 : work_.displacement[i];
 }
 
-void MechanicsSystem::recover(Vec f, Vec nodal, Vec direction) const {
+void MechanicsSystem::recover(Vec f, Vec displacement, Vec direction) const {
   gather(f, work_);
   {
-    const VecRead a(nodal);
-    for (Index i = 0; i < layout_.nodal_size(); ++i) work2_.nodal[i] = fixed()[i] ? 0.0 : a[i];
+    const VecRead a(displacement);
+    for (Index i = 0; i < layout_.displacement_size(); ++i) work2_.displacement[i] = fixed()[i] ? 0.0 : a[i];
   }
-  layout_.copy_halo().owner_to_ghost(work2_.nodal, layout_.dim());
+  layout_.exchange(work2_.displacement);
   cells_.recover(work_.bubble, work_.multiplier, work2_);
   scatter(work2_, direction);
 }

@@ -6,10 +6,18 @@ namespace polyslip::assembly {
 
 namespace {
 
-/// Global numbers, in the saddle Vec, of the first component of each local copy, bubble and multiplier.
+/// Global numbers, in the saddle Vec, of each local displacement and of the first component of each local bubble and multiplier.
 struct SaddleNumbers {
-  std::vector<Index> nodal, bubble, multiplier;
+  std::vector<Index> displacement, bubble, multiplier;
 };
+
+/// Integers through exchanges that are made for values.
+std::vector<Index> exchanged(const Layout& layout, PetscInt first) {
+  std::vector<double> numbers(static_cast<std::size_t>(layout.local_displacements()), 0.0);
+  for (Index i = 0; i < layout.displacement_size(); ++i) numbers[i] = first + i;
+  layout.exchange(numbers);
+  return {numbers.begin(), numbers.end()};
+}
 
 SaddleNumbers number_unknowns(const MechanicsSystem& system) {
   const Layout& layout = system.layout();
@@ -17,15 +25,12 @@ SaddleNumbers number_unknowns(const MechanicsSystem& system) {
   la::Handle<Vec> x = layout.create_vector();
   PetscInt first = 0;
   POLYSLIP_PETSC(VecGetOwnershipRange(x, &first, nullptr));
-  SaddleNumbers n{std::vector<Index>(mesh.copies.local()), std::vector<Index>(mesh.fractures.local()),
-                  std::vector<Index>(mesh.fractures.local())};
+  SaddleNumbers n{exchanged(layout, first), std::vector<Index>(mesh.fractures.local()), std::vector<Index>(mesh.fractures.local())};
   const int dim = layout.dim();
-  for (Index i = 0; i < mesh.copies.owned; ++i) n.nodal[i] = first + dim * i;
   for (Index f = 0; f < mesh.fractures.owned; ++f) {
     n.bubble[f] = first + layout.bubble_start() + dim * f;
     n.multiplier[f] = first + layout.multiplier_start() + dim * f;
   }
-  layout.copy_halo().owner_to_ghost(std::span<Index>(n.nodal));
   layout.fracture_halo().owner_to_ghost(std::span<Index>(n.bubble));
   layout.fracture_halo().owner_to_ghost(std::span<Index>(n.multiplier));
   return n;
@@ -39,18 +44,18 @@ void visit_entries(const MechanicsSystem& system, const SaddleNumbers& numbers, 
   const int dim = layout.dim();
   const auto& fixed = system.fixed();
 
-  // Bulk: the nodal matrix, its columns renumbered.
+  // Bulk: the condensed matrix, its columns renumbered.
   PetscInt first = 0;
   POLYSLIP_PETSC(MatGetOwnershipRange(system.matrix(), &first, nullptr));
   std::vector<std::pair<GlobalIndex, Index>> ghosts;
-  for (Index i = mesh.copies.owned; i < mesh.copies.local(); ++i) ghosts.emplace_back(mesh.copies.global(i), i);
+  for (Index i = layout.displacement_size(); i < layout.local_displacements(); ++i) ghosts.emplace_back(layout.global(i), i);
   std::sort(ghosts.begin(), ghosts.end());
-  const auto local_copy = [&](GlobalIndex copy) {
-    if (copy >= mesh.copies.first && copy < mesh.copies.first + mesh.copies.owned) return copy - mesh.copies.first;
-    return std::lower_bound(ghosts.begin(), ghosts.end(), std::pair<GlobalIndex, Index>(copy, 0))->second;
+  const auto local = [&](GlobalIndex displacement) {
+    if (displacement >= first && displacement < first + layout.displacement_size()) return displacement - first;
+    return std::lower_bound(ghosts.begin(), ghosts.end(), std::pair<GlobalIndex, Index>(displacement, 0))->second;
   };
-  for (Index row = 0; row < layout.nodal_size(); ++row) {
-    const Index target = numbers.nodal[row / dim] + row % dim;
+  for (Index row = 0; row < layout.displacement_size(); ++row) {
+    const Index target = numbers.displacement[row];
     if (fixed[row]) {
       insert(target, target, 1.0);
       continue;
@@ -59,7 +64,7 @@ void visit_entries(const MechanicsSystem& system, const SaddleNumbers& numbers, 
     const PetscInt* columns = nullptr;
     const PetscScalar* values = nullptr;
     POLYSLIP_PETSC(MatGetRow(system.matrix(), first + row, &n, &columns, &values));
-    for (PetscInt k = 0; k < n; ++k) insert(target, numbers.nodal[local_copy(columns[k] / dim)] + columns[k] % dim, values[k]);
+    for (PetscInt k = 0; k < n; ++k) insert(target, numbers.displacement[local(columns[k])], values[k]);
     POLYSLIP_PETSC(MatRestoreRow(system.matrix(), first + row, &n, &columns, &values));
   }
 
@@ -67,11 +72,11 @@ void visit_entries(const MechanicsSystem& system, const SaddleNumbers& numbers, 
   const ContactCells& cells = system.contact_cells();
   for (Index p = 0; p < cells.size(); ++p) {
     const auto m = cells.saddle_blocks(p, system.linearised_law());
-    const auto external = cells.external(p), faces = cells.faces_of(p);
+    const auto displacements = cells.displacements(p), faces = cells.faces_of(p);
     const int nb = dim * static_cast<int>(faces.size());
-    const auto e_number = [&](int i) { return numbers.nodal[external[i / dim]] + i % dim; };
-    const auto e_row = [&](int i) { return external[i / dim] < mesh.copies.owned && !fixed[dim * external[i / dim] + i % dim]; };
-    const auto e_col = [&](int i) { return !fixed[dim * external[i / dim] + i % dim]; };
+    const auto e_number = [&](int i) { return numbers.displacement[displacements[i]]; };
+    const auto e_row = [&](int i) { return displacements[i] < layout.displacement_size() && !fixed[displacements[i]]; };
+    const auto e_col = [&](int i) { return !fixed[displacements[i]]; };
     const auto i_number = [&](int i) { return (i < nb ? numbers.bubble : numbers.multiplier)[faces[(i % nb) / dim]] + i % dim; };
     const bool own = cells.mesh_cell(p) < mesh.cells.owned;
     for (int i = 0; i < m.ee.rows(); ++i) {

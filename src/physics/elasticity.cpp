@@ -29,6 +29,25 @@ void check_admissible(const Lame& lame, const ElasticRule& rule, const Vec3& x) 
                    rule.place, "Give E > 0 and -1 < nu < 0.5 (or mu > 0 and lambda > -2 mu/3)");
 }
 
+/// Writes block (j, k) into the matrix of a cell, contracted with the normals of bubbles that have one component.
+template <int dim>
+void write_block(const spaces::VemCell& cell, int j, int k, const Eigen::Matrix<double, dim, dim>& block, std::span<double> matrix) {
+  const auto width = static_cast<std::size_t>(cell.components());
+  double* at = &matrix[static_cast<std::size_t>(cell.first_component(j)) * width + static_cast<std::size_t>(cell.first_component(k))];
+  if (cell.is_normal(j) && cell.is_normal(k)) {
+    *at = cell.normal(j).template head<dim>().dot(block * cell.normal(k).template head<dim>());
+    return;
+  }
+  for (int a = 0; a < dim; ++a) {
+    if (cell.is_normal(j))
+      at[a] = cell.normal(j).template head<dim>().dot(block.col(a));
+    else if (cell.is_normal(k))
+      at[static_cast<std::size_t>(a) * width] = cell.normal(k).template head<dim>().dot(block.row(a).transpose());
+    else
+      for (int b = 0; b < dim; ++b) at[static_cast<std::size_t>(a) * width + static_cast<std::size_t>(b)] = block(a, b);
+  }
+}
+
 template <int dim>
 void stiffness(const spaces::VemCell& cell, const Lame& lame, double gamma, std::span<double> matrix) {
   using VecD = Eigen::Matrix<double, dim, 1>;
@@ -48,12 +67,9 @@ void stiffness(const spaces::VemCell& cell, const Lame& lame, double gamma, std:
       if (k < n) p -= y[k].template head<dim>().dot(cj);
       if (j < n && k < n) p -= 1.0 / n;
       if (j == k) p += 1;
-      const double diagonal = volume * lame.mu * cj.dot(ck) + scale * p;
-      for (int a = 0; a < dim; ++a) {
-        double* row = &matrix[static_cast<std::size_t>((dim * j + a) * dim * m + dim * k)];
-        for (int b = 0; b < dim; ++b) row[b] = volume * (lame.lambda * cj[a] * ck[b] + lame.mu * ck[a] * cj[b]);
-        row[a] += diagonal;
-      }
+      Eigen::Matrix<double, dim, dim> block = volume * (lame.lambda * cj * ck.transpose() + lame.mu * ck * cj.transpose());
+      block.diagonal().array() += volume * lame.mu * cj.dot(ck) + scale * p;
+      write_block<dim>(cell, j, k, block, matrix);
     }
   }
 }
@@ -89,7 +105,7 @@ Eigen::Matrix3d initial_stress(const std::array<Expression, 6>& entries, const E
 }
 
 double stabilisation_factor(const Lame& lame, Stabilisation kind) {
-  return kind == Stabilisation::two_mu ? 2 * lame.mu : 2 * lame.mu + lame.lambda;
+  return kind == Stabilisation::mu ? lame.mu : 2 * lame.mu + (kind == Stabilisation::two_mu_lambda ? lame.lambda : 0);
 }
 
 void local_stiffness(int dim, const spaces::VemCell& cell, const Lame& lame, double gamma, std::span<double> matrix) {

@@ -19,9 +19,6 @@ double violation(double energy, double before, double dissipated, double work) {
 }  // namespace
 
 Model::Model(const mesh::DistributedMesh& mesh, const Scene& scene) : mesh_(mesh) {
-  if (scene.mechanics.bubbles == physics::Bubbles::all)
-    throw InputError("mechanics.bubbles is all, but bubbles are only there on the + sides of fractures so far", scene.path.string(),
-                     "Set mechanics.bubbles: fracture; for nearly incompressible rock keep mechanics.stabilisation: 2mu");
   if (scene.has_mechanics && scene.flow) {
     set_up_coupled(scene);
   } else if (scene.has_mechanics) {

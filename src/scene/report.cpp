@@ -26,15 +26,16 @@ std::pair<double, double> cell_sizes(const mesh::DistributedMesh& mesh) {
 
 void count_unknowns(io::Summary& s, const Scene& scene, const Model& model) {
   const mesh::DistributedMesh& mesh = model.mesh();
-  const long long dim = mesh.mesh.dim;
+  const long long dim = mesh.mesh.dim, normals = model.mechanics() ? model.mechanics()->layout().total_normals() : 0;
   if (model.mechanics()) {
     s.dofs.displacement_nodal = dim * mesh.copies.total;
-    s.dofs.displacement_bubble = s.dofs.multiplier = dim * mesh.fractures.total;
+    s.dofs.multiplier = dim * mesh.fractures.total;
+    s.dofs.displacement_bubble = s.dofs.multiplier + normals;
   }
   if (model.flow()) s.dofs.pressure = model.flow()->layout().numbering().total;
-  s.dofs.total = s.dofs.displacement_nodal + 2 * s.dofs.multiplier + s.dofs.pressure;
+  s.dofs.total = s.dofs.displacement_nodal + s.dofs.displacement_bubble + s.dofs.multiplier + s.dofs.pressure;
   const bool condensed = scene.mechanics.formulation == physics::Formulation::condensed;
-  s.dofs.solved = condensed ? s.dofs.displacement_nodal + s.dofs.pressure : s.dofs.total;
+  s.dofs.solved = condensed ? s.dofs.displacement_nodal + normals + s.dofs.pressure : s.dofs.total;
 }
 
 std::string unknowns_text(const io::Summary& s) {

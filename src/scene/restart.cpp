@@ -48,6 +48,8 @@ void save_mechanics(const assembly::MechanicsSystem& system, Vec x, std::vector<
   const assembly::Layout& layout = system.layout();
   const mesh::DistributedMesh& mesh = system.mesh();
   tables.push_back({"displacement", layout.dim(), owned(mesh.copy_input, mesh.copies.owned), slice(x, 0, layout.nodal_size())});
+  if (layout.bubbles() == spaces::Bubbles::all)
+    tables.push_back({"normal_bubble", 1, layout.normal_input(), slice(x, layout.nodal_size(), layout.displacement_size() - layout.nodal_size())});
   if (mesh.fractures.total == 0) return;
   const auto faces = owned(mesh.fracture_face_input, mesh.fractures.owned);
   tables.push_back({"bubble", layout.dim(), faces, slice(x, layout.bubble_start(), layout.fracture_size())});
@@ -65,7 +67,12 @@ void resume_mechanics(const Checkpoint& checkpoint, assembly::MechanicsSystem& s
   const mesh::DistributedMesh& mesh = system.mesh();
   const int dim = system.layout().dim();
   assembly::MechanicalState state = system.layout().create_state();
-  state.nodal = checkpoint.rows("displacement", dim, mesh.copy_input);
+  const auto resume = [&](const char* table, int components, std::span<const GlobalIndex> numbers, Index first) {
+    const std::vector<double> values = checkpoint.rows(table, components, numbers);
+    std::copy(values.begin(), values.end(), state.displacement.begin() + first);
+  };
+  resume("displacement", dim, owned(mesh.copy_input, mesh.copies.owned), 0);
+  if (system.layout().bubbles() == spaces::Bubbles::all) resume("normal_bubble", 1, system.layout().normal_input(), system.layout().nodal_size());
   const auto& faces = mesh.fracture_face_input;
   if (mesh.fractures.total > 0) {
     state.bubble = checkpoint.rows("bubble", dim, faces);

@@ -63,7 +63,7 @@ void Run::read_and_partition() {
   }
   const la::LogStage stage("partition", summary_.seconds.partition);
   mesh::PartitionOptions options;
-  options.flow = scene_.flow.has_value();
+  options.flow = scene_.flow.has_value() || scene_.mechanics.bubbles == spaces::Bubbles::all;
   mesh_ = mesh::distribute(comm_, std::move(serial), options);
 }
 

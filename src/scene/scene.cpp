@@ -151,6 +151,11 @@ std::optional<std::array<Expression, 6>> read_stress(const Cursor& stress) {
   return std::array{component("xx"), component("yy"), component("zz"), component("xy"), component("yz"), component("xz")};
 }
 
+physics::Stabilisation read_stabilisation(const std::string& factor) {
+  using enum physics::Stabilisation;
+  return factor == "mu" ? mu : factor == "2mu" ? two_mu : two_mu_lambda;
+}
+
 physics::MechanicsProblem read_mechanics(const Cursor& root) {
   const Cursor mechanics = root["mechanics"], contact = root["contact"];
   physics::MechanicsProblem problem;
@@ -159,9 +164,8 @@ physics::MechanicsProblem read_mechanics(const Cursor& root) {
     if (entry["young"] || entry["lame_mu"]) problem.materials.push_back(read_material(entry));
   for (const Cursor& entry : mechanics["boundary"].entries()) read_boundary_rule(entry, problem.boundary);
   problem.body_force = mechanics["body_force"].expressions();
-  problem.stabilisation =
-      mechanics["stabilisation"].text() == "2mu" ? physics::Stabilisation::two_mu : physics::Stabilisation::two_mu_lambda;
-  problem.bubbles = mechanics["bubbles"].text() == "all" ? physics::Bubbles::all : physics::Bubbles::fracture;
+  problem.stabilisation = read_stabilisation(mechanics["stabilisation"].text());
+  problem.bubbles = mechanics["bubbles"].text() == "all" ? spaces::Bubbles::all : spaces::Bubbles::fracture;
   problem.initial_stress = read_stress(root["initial"]["stress"]);
   problem.contact = read_contact(contact);
   if (contact) {

@@ -6,6 +6,7 @@
 #include <cmath>
 
 #include "polyslip/common/mpi.hpp"
+#include "polyslip/solver/displacement_split.hpp"
 
 namespace polyslip::solver {
 
@@ -36,7 +37,7 @@ bool user_sets(const char* name) {
 
 CoupledSolver::CoupledSolver(CoupledSystem& system)
     : system_(system), rhs_(system.create_condensed_vector()), solution_(system.create_condensed_vector()) {
-  const Index n = system.layout().nodal_size() + system.flow().layout().size();
+  const Index n = system.layout().displacement_size() + system.flow().layout().size();
   POLYSLIP_PETSC(MatCreateShell(system.mesh().comm, n, n, PETSC_DETERMINE, PETSC_DETERMINE, &system, exact_operator_.put()));
   POLYSLIP_PETSC(MatShellSetOperation(exact_operator_, MATOP_MULT, reinterpret_cast<void (*)()>(apply_exact)));
   POLYSLIP_PETSC(KSPCreate(system.mesh().comm, ksp_.put()));
@@ -95,9 +96,10 @@ void CoupledSolver::split_fields(PC pc) {
   POLYSLIP_PETSC(PCFieldSplitSetSchurFactType(pc, PC_FIELDSPLIT_SCHUR_FACT_UPPER));
   POLYSLIP_PETSC(MatDuplicate(system_.pressure_matrix(), MAT_COPY_VALUES, fixed_stress_.put()));
   POLYSLIP_PETSC(PCFieldSplitSetSchurPre(pc, PC_FIELDSPLIT_SCHUR_PRE_USER, fixed_stress_));
-  const std::string u = "-coupled_fieldsplit_displacement_", p = "-coupled_fieldsplit_pressure_";
-  default_option(u + "ksp_type", "preonly");
-  default_option(u + "pc_type", "gamg");
+  const std::string block = "-coupled_fieldsplit_displacement_", p = "-coupled_fieldsplit_pressure_";
+  default_option(block + "ksp_type", "preonly");
+  default_option(block + "pc_type", system_.layout().bubbles() == spaces::Bubbles::all ? "fieldsplit" : "gamg");
+  const std::string u = default_displacement_split(system_, block);
   default_option(u + "pc_gamg_threshold", "0.02");
   default_option(u + "pc_gamg_reuse_interpolation", "true");
   default_option(u + "pc_gamg_use_sa_esteig", "false");
@@ -187,6 +189,7 @@ void CoupledSolver::set_up_blocks(bool again) {
   POLYSLIP_PETSC(KSPGetPC(ksp_, &pc));
   POLYSLIP_PETSC(PCFieldSplitSchurGetSubKSP(pc, &n, &blocks));
   POLYSLIP_PETSC(KSPGetPC(blocks[0], &displacement));
+  if (again) split_displacement(system_, displacement);
   const bool updates = changes_ && (again || la::HierarchyUpdate::can_update(displacement));
   // Without an update at hand the block sets itself up when its matrix has changed.
   POLYSLIP_PETSC(KSPSetReusePreconditioner(blocks[0], updates ? PETSC_TRUE : PETSC_FALSE));

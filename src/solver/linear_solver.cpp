@@ -5,6 +5,7 @@
 #include <algorithm>
 
 #include "polyslip/common/mpi.hpp"
+#include "polyslip/solver/displacement_split.hpp"
 
 namespace polyslip::solver {
 
@@ -33,8 +34,8 @@ bool user_sets(const char* name) {
 }  // namespace
 
 LinearSolver::LinearSolver(MechanicsSystem& system)
-    : system_(system), rhs_(system.layout().create_nodal_vector()), solution_(system.layout().create_nodal_vector()) {
-  const Index n = system.layout().nodal_size();
+    : system_(system), rhs_(system.layout().create_displacement_vector()), solution_(system.layout().create_displacement_vector()) {
+  const Index n = system.layout().displacement_size();
   POLYSLIP_PETSC(MatCreateShell(system.mesh().comm, n, n, PETSC_DETERMINE, PETSC_DETERMINE, &system, exact_operator_.put()));
   POLYSLIP_PETSC(MatShellSetOperation(exact_operator_, MATOP_MULT, reinterpret_cast<void (*)()>(apply_exact)));
   choose();
@@ -42,7 +43,7 @@ LinearSolver::LinearSolver(MechanicsSystem& system)
 
 void LinearSolver::choose() {
   const int dim = system_.layout().dim();
-  const GlobalIndex unknowns = system_.mesh().copies.total * dim;
+  const GlobalIndex unknowns = system_.mesh().copies.total * dim + system_.layout().total_normals();
   const GlobalIndex limit = dim == 2 ? direct_limit_2d : direct_limit_3d;
   const bool direct = unknowns <= limit;
   PC pc = nullptr;
@@ -58,8 +59,8 @@ void LinearSolver::choose() {
     choice_ = fmt::format("linear solver: sparse Cholesky (MUMPS), as {} unknowns in {}D are at most {}; -displacement_pc_type gamg for multigrid",
                           unknowns, dim, limit);
   } else {
-    POLYSLIP_PETSC(PCSetType(pc, PCGAMG));
-    const std::string p = std::string("-") + prefix;
+    POLYSLIP_PETSC(PCSetType(pc, system_.layout().bubbles() == spaces::Bubbles::all ? PCFIELDSPLIT : PCGAMG));
+    const std::string p = default_displacement_split(system_, std::string("-") + prefix);
     default_option(p + "pc_gamg_threshold", "0.02");
     // The aggregates serve all contact states; the smoothers' eigenvalues do not, and estimates made for aggregation would go stale.
     default_option(p + "pc_gamg_reuse_interpolation", "true");
@@ -75,6 +76,7 @@ void LinearSolver::choose() {
   POLYSLIP_PETSC(MatSetOption(system_.matrix(), MAT_SPD, PETSC_TRUE));
   POLYSLIP_PETSC(KSPSetOperators(ksp_, system_.matrix(), system_.matrix()));
   POLYSLIP_PETSC(KSPSetFromOptions(ksp_));
+  split_displacement(system_, pc);
   POLYSLIP_PETSC(PetscOptionsGetReal(nullptr, prefix, "-loose_rtol", &loose_rtol_, nullptr));
   POLYSLIP_PETSC(PetscOptionsGetBool(nullptr, prefix, "-update_hierarchy", &updates_hierarchy_, nullptr));
   PetscBool lu = PETSC_FALSE, factor = PETSC_FALSE;

@@ -12,6 +12,11 @@ void face_points(const mesh::PolyMesh& mesh, Index face, std::vector<Vec3>& poin
   for (Index s : mesh.face_nodes[face]) points.push_back(mesh.nodes[s]);
 }
 
+Vec3 bubble_normal(const Vec3& area_vector) {
+  const Vec3 n = area_vector.normalized();
+  return n.dot(Vec3(1, 0.7310585, 0.4323321)) < 0 ? Vec3(-n) : n;  // a plane that no face of a common mesh lies in
+}
+
 void VemCell::add_face(Index face) {
   const auto face_nodes = mesh_.face_nodes[face];
   const auto cell_nodes = mesh_.cell_nodes[cell_];
@@ -19,7 +24,6 @@ void VemCell::add_face(Index face) {
   g_.resize(points_.size());
   geometry::vector_weights(mesh_.dim, points_, g_);
   const double sign = mesh_.orientation(cell_, face);
-  const bool bubble = mesh_.on_fracture(face) && mesh_.face_cells[face][0] == cell_;
   Vec3 area_vector = Vec3::Zero();
   for (std::size_t i = 0; i < points_.size(); ++i) {
     const auto s = std::find(cell_nodes.begin(), cell_nodes.end(), face_nodes[i]) - cell_nodes.begin();
@@ -27,9 +31,14 @@ void VemCell::add_face(Index face) {
     area_vector += sign * g_[i];
     volume_ += sign * g_[i].dot(points_[i] - xbar_);
   }
-  if (bubble) {
+  if (mesh_.on_fracture(face)) {
+    if (mesh_.face_cells[face][0] != cell_) return;
     bubble_faces_.push_back(face);
     bubble_c_.push_back(area_vector);
+  } else if (bubbles_ == Bubbles::all) {
+    normal_faces_.push_back(face);
+    normal_c_.push_back(area_vector);
+    normals_.push_back(bubble_normal(area_vector));
   }
 }
 
@@ -49,11 +58,13 @@ void VemCell::build(Index cell) {
   diameter_ = std::sqrt(longest);
 
   c_.assign(nodes.size(), Vec3::Zero());
-  bubble_c_.clear();
+  for (auto* vectors : {&bubble_c_, &normal_c_, &normals_}) vectors->clear();
   bubble_faces_.clear();
+  normal_faces_.clear();
   volume_ = 0;
   for (Index face : mesh_.cell_faces[cell]) add_face(face);
   volume_ /= mesh_.dim;
+  c_.insert(c_.end(), normal_c_.begin(), normal_c_.end());
   c_.insert(c_.end(), bubble_c_.begin(), bubble_c_.end());
   for (Vec3& c : c_) c /= volume_;
 }

@@ -7,6 +7,7 @@
 
 #include "polyslip/mesh/fractures.hpp"
 #include "polyslip/mesh/generators.hpp"
+#include "polyslip/spaces/vem_cell.hpp"
 
 namespace polyslip::tests {
 
@@ -22,6 +23,15 @@ inline const std::vector<Shape>& all_shapes() {
                                          {3, "tets"},  {3, "prisms"},    {3, "polyhedra"}, {3, "warped"}, {3, "cut"}};
   return shapes;
 }
+
+/// Name of a parameterised test: shape, dimension, bubbles.
+struct ShapeAndBubblesName {
+  template <class Info>
+  std::string operator()(const Info& info) const {
+    const auto& [shape, bubbles] = info.param;
+    return shape.name + std::to_string(shape.dim) + (bubbles == spaces::Bubbles::all ? "d_bubbles_on_all_faces" : "d");
+  }
+};
 
 /// Name of a parameterised test: shape and dimension.
 struct ShapeName {

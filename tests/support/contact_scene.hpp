@@ -72,7 +72,9 @@ class ContactScene {
   ContactScene(MakeMesh&& make_mesh, physics::MechanicsProblem stated) : problem(std::move(stated)) {
     mesh::PolyMesh serial;
     mpi::on_root(PETSC_COMM_WORLD, [&] { serial = make_mesh(); });
-    mesh = mesh::distribute(PETSC_COMM_WORLD, std::move(serial));
+    mesh::PartitionOptions partition;
+    partition.flow = problem.bubbles == spaces::Bubbles::all;
+    mesh = mesh::distribute(PETSC_COMM_WORLD, std::move(serial), partition);
     if (problem.materials.empty()) problem.materials = {rock()};
     system = std::make_unique<assembly::MechanicsSystem>(mesh, problem);
     x = system->layout().create_vector();
@@ -121,13 +123,14 @@ inline double largest(std::span<const double> v) {
   return mpi::max(PETSC_COMM_WORLD, m);
 }
 
-/// The three parts of a vector of unknowns.
+/// The parts of a vector of unknowns.
 struct Parts {
-  std::vector<double> nodal, bubble, multiplier;
+  std::vector<double> nodal, normal_bubble, bubble, multiplier;
 
   Parts(const assembly::Layout& layout, Vec x) {
     const assembly::VecRead a(x);
     nodal.assign(a.data(), a.data() + layout.nodal_size());
+    normal_bubble.assign(a.data() + layout.nodal_size(), a.data() + layout.displacement_size());
     bubble.assign(a.data() + layout.bubble_start(), a.data() + layout.multiplier_start());
     multiplier.assign(a.data() + layout.multiplier_start(), a.data() + layout.size());
   }
@@ -140,13 +143,14 @@ inline la::Handle<Vec> random_vector(const assembly::MechanicsSystem& system, un
   std::uniform_real_distribution<double> value(-size, size);
   const assembly::VecWrite a(v);
   for (Index i = 0; i < system.layout().size(); ++i)
-    a[i] = i < system.layout().nodal_size() && system.fixed()[i] ? 0.0 : value(random);
+    a[i] = i < system.layout().displacement_size() && system.fixed()[i] ? 0.0 : value(random);
   return v;
 }
 
 /// A box cut through at x = 1/2 whose right end is pressed, turned and sheared so that faces are open, stuck and slipping.
-inline physics::MechanicsProblem mixed_contact(int dim, double friction = 0.6) {
+inline physics::MechanicsProblem mixed_contact(int dim, double friction = 0.6, spaces::Bubbles bubbles = spaces::Bubbles::fracture) {
   physics::MechanicsProblem problem;
+  problem.bubbles = bubbles;
   problem.boundary = {hold("left", {"0", "0", "0"}), hold("right", {"0.05*(0.35 - y)", "0.006", "0.002*y"})};
   for (auto& rule : problem.boundary)
     if (dim == 2) rule.displacement[2].reset();

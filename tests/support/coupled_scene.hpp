@@ -14,6 +14,7 @@ struct CoupledOptions {
   double dilation = 0;
   physics::ConductivityTime conductivities = physics::ConductivityTime::previous;
   double friction = 0.4;
+  spaces::Bubbles bubbles = spaces::Bubbles::fracture;
   std::vector<std::string> top = {"0.02*t", "-0.01*t", "-0.01*t"};  ///< Displacement of the top, by component; 2D: the first two.
 };
 
@@ -22,6 +23,7 @@ class CoupledScene {
   CoupledScene(const Shape& shape, const CoupledOptions& options, Index n = 4) : dim(shape.dim) {
     rules.boundary = {hold("bottom", {"0", "0", "0"}), hold("top", {options.top[0], options.top[1], dim == 3 ? options.top[2] : ""})};
     rules.materials = {rock()};
+    rules.bubbles = options.bubbles;
     rules.contact = {contact(physics::FrictionLaw::coulomb, options.friction)};
     fluid = flow_problem(dim, false);
     fluid.materials[0].biot = Expression(0.8);

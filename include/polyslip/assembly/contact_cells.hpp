@@ -1,12 +1,13 @@
 // The cells on the + side of fracture faces: their bubbles and multipliers, eliminated exactly (scheme.md section 6).
 //
 // Local unknowns of a + cell K:
-//   E  external: nodal copies of K, then the copies that only the - sides of its fracture faces see    (dim n_ext)
+//   E  external: nodal copies of K, bubbles along normals of K (where bubbles are on all faces), then the copies that only the - sides of
+//      its fracture faces see    (n_u)
 //   I  internal: bubbles v_{Ksigma}, then multipliers lam_sigma of these faces                         (2 dim n_faces)
 //
-//            E (nodal)              bubble            multiplier
-//   E    |  K_nn                    K_nb              |sigma| j_e R^T      |   momentum, nodal rows
-//   b    |  K_bn                    K_bb              |sigma| R^T          |   momentum, bubble rows
+//            E                      bubble            multiplier
+//   E    |  K_EE                    K_Eb              |sigma| j_e R^T      |   momentum
+//   b    |  K_bE                    K_bb              |sigma| R^T          |   momentum, bubble rows
 //   lam  |  |sigma| D_J R j_e       |sigma| D_J R     |sigma| D_lam        |   contact rows, times |sigma|: a force
 //
 // with the jump J_sigma v = sum_e j_e v_e + v_{Ksigma}, the face frame R (rows n^+, t_1, t_2) and the derivatives D_J, D_lam of the contact law.
@@ -15,7 +16,7 @@
 // With fluid (attach_fluid) E ends with pressures: q_K, then q_sigma^f of each of its fracture faces, then other flow unknowns whose
 // rows depend on the apertures (if conductivities are those of the end of the step). With D_d = d d_f/dJ (1 x dim, in the frame):
 //
-//            E (nodal)                    bubble                       pressure
+//            E (displacement)             bubble                       pressure
 //   E    |                                                             -b|K| c_e (q_K),  |sigma| j_e n^+ (q_f)
 //   b    |                                                             -b|K| c_b (q_K),  |sigma| n^+ (q_f)
 //   q_K  |  b|K| c_e                      b|K| c_b                     0: storage and fluxes are the flow system's
@@ -35,7 +36,7 @@ namespace polyslip::assembly {
 /// The fluid of a + cell; all local numbers are those of the flow unknowns.
 struct ContactFluid {
   std::vector<Index> unknowns;  ///< q_K, q_sigma^f by position of the face (none where fractures carry no fluid), other rows.
-  std::vector<double> biot;     ///< b|K| c_j over nodes and bubbles, dim components each [m2; 2D: m].
+  std::vector<double> biot;     ///< b|K| c_j by component of VemCell [m2; 2D: m].
 };
 
 /// How an aperture and what depends on it changes with the jump of a face.
@@ -58,10 +59,11 @@ struct ContactFace {
 
 class ContactCells {
  public:
-  ContactCells(const mesh::DistributedMesh& mesh, std::span<const physics::Lame> moduli, physics::Stabilisation stabilisation);
+  ContactCells(const mesh::DistributedMesh& mesh, const Layout& layout, std::span<const physics::Lame> moduli,
+               physics::Stabilisation stabilisation);
 
   [[nodiscard]] Index size() const { return static_cast<Index>(cells_.size()); }
-  [[nodiscard]] std::span<const Index> external(Index p) const { return external_[p]; }  ///< Copies E, local numbers.
+  [[nodiscard]] std::span<const Index> displacements(Index p) const { return displacements_[p]; }  ///< Of E, local numbers.
   [[nodiscard]] Index mesh_cell(Index p) const { return cells_[p].cell; }
   [[nodiscard]] bool contains(Index mesh_cell) const { return is_contact_cell_[mesh_cell] != 0; }
   [[nodiscard]] std::span<const ContactFace> faces() const { return faces_; }  ///< By local fracture face number.
@@ -76,20 +78,20 @@ class ContactCells {
   }
   [[nodiscard]] const ContactFluid& fluid(Index p) const { return fluid_[p]; }
   /// Rows (and columns) of a condensed block.
-  [[nodiscard]] int block_size(Index p) const { return dim_ * cells_[p].n_ext + static_cast<int>(pressures(p).size()); }
+  [[nodiscard]] int block_size(Index p) const { return displacements_.row_size(p) + static_cast<int>(pressures(p).size()); }
   /// For the next condensation, by local fracture face.
   void set_apertures(std::vector<ApertureLinearisation> apertures) { apertures_ = std::move(apertures); }
-  /// What the fluid at the pressures q (local flow unknowns) does to the momentum rows of all + cells: added to nodal and bubble rows.
-  void add_fluid_forces(std::span<const double> q, std::span<double> nodal, std::span<double> bubble) const;
+  /// What the fluid at the pressures q (local flow unknowns) does to the momentum rows of all + cells: added to these.
+  void add_fluid_forces(std::span<const double> q, std::span<double> displacement, std::span<double> bubble) const;
   /// b|K| div_K of a state in a + cell [m3; 2D: m2].
   [[nodiscard]] double pore_volume(Index p, const MechanicalState& state) const;
 
   /// J_sigma of a state on a fracture face, in its frame [m].
   [[nodiscard]] Vec3 jump(Index face, const MechanicalState& state) const;
 
-  /// Adds the momentum rows of all + cells for given u, bubbles and multipliers: nodal (dim copies.local(), ghosts' rows incomplete) and
+  /// Adds the momentum rows of all + cells for given u, bubbles and multipliers: displacement (local, ghosts' rows incomplete) and
   /// bubble rows (dim fractures.local()). `fracture_pressure` [Pa], one a local fracture face, may be empty.
-  void add_momentum(const MechanicalState& state, std::span<const double> fracture_pressure, std::span<double> nodal,
+  void add_momentum(const MechanicalState& state, std::span<const double> fracture_pressure, std::span<double> displacement,
                     std::span<double> bubble) const;
 
   /// Condenses every cell for the given derivatives of the contact law (by local fracture face). If `symmetric` derivatives differ on
@@ -101,9 +103,9 @@ class ContactCells {
   [[nodiscard]] bool any_difference() const { return any_difference_; }
   [[nodiscard]] bool differs(Index p) const { return cell_differs_[p] != 0; }
 
-  /// Right-hand side: adds -M_EI M_II^{-1} r_I to the nodal rows (dim copies.local()); r_I by local fracture face, bubble and contact rows.
+  /// Right-hand side: adds -M_EI M_II^{-1} r_I to the (local) displacement rows; r_I by local fracture face, bubble and contact rows.
   /// With fluid also to the rows of the flow unknowns (local).
-  void condense_residual(std::span<const double> bubble, std::span<const double> contact, std::span<double> nodal,
+  void condense_residual(std::span<const double> bubble, std::span<const double> contact, std::span<double> displacement,
                          std::span<double> flow = {}) const;
   /// delta_I = M_II^{-1} (r_I - M_IE delta_E), for all faces of these cells.
   void recover(std::span<const double> bubble, std::span<const double> contact, MechanicalState& delta) const;
@@ -117,11 +119,16 @@ class ContactCells {
  private:
   struct Cell {
     Index cell;
-    int n_nodes, n_ext, n_faces;
+    int n_own;    ///< Displacements of the cell itself: nodes and bubbles along normals.
+    int n_nodes;  ///< Of them, nodes.
+    int n_ext;    ///< Copies of E.
+    int n_normals, n_faces;
     std::size_t stiffness, jump, condensed, internal, coupling;  // starts in the pools
   };
-  void add_cell(const mesh::DistributedMesh& mesh, spaces::VemCell& vem, const physics::Lame& lame, double gamma,
+  void add_cell(const mesh::DistributedMesh& mesh, const Layout& layout, spaces::VemCell& vem, const physics::Lame& lame, double gamma,
                 std::span<const Index> fracture_of_face);
+  /// Position in E of the first component of its copy e.
+  [[nodiscard]] int position(const Cell& cell, int e) const { return dim_ * e + (e < cell.n_nodes ? 0 : cell.n_normals); }
   [[nodiscard]] std::span<const double> matrix(const std::vector<double>& pool, Index p) const;
   void blocks(Index p, std::span<const physics::ContactLinearisation> law, SaddleBlocks& m) const;
   void add_fluid_blocks(Index p, SaddleBlocks& m) const;
@@ -130,9 +137,9 @@ class ContactCells {
   int dim_;
   std::vector<Cell> cells_;
   std::vector<char> is_contact_cell_;
-  Csr external_, cell_faces_;
+  Csr displacements_, cell_faces_;
   std::vector<ContactFace> faces_;
-  std::vector<double> stiffness_;  ///< K over nodes and bubbles, row-major.
+  std::vector<double> stiffness_;  ///< K over the components of VemCell, row-major.
   std::vector<double> jump_;       ///< j_e, shape (n_faces, n_ext).
   std::vector<double> condensed_, symmetric_;
   std::vector<double> inverse_;    ///< M_II^{-1}

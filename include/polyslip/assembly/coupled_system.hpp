@@ -1,11 +1,11 @@
 // Rock, contact and fluid in one backward Euler step (scheme.md sections 1, 3, 4, 6).
 //
-// Vectors end with the pressures q of the flow system: [ nodal | bubbles | multipliers | q ]. Rows beside those of MechanicsSystem and
+// Vectors end with the pressures q of the flow system: [ displacement | bubbles | multipliers | q ]. Rows beside those of MechanicsSystem and
 // FlowSystem (volumes of fluid, times 1):
 //   momentum       - sum_K b|K| q_K div_K v + sum_sigma |sigma| q_sigma^f n^+ . J_sigma v
 //   cell           + b|K| (div_K u^n - div_K u^{n-1})
 //   fracture face  + |sigma| (d_f^n - d_f^{n-1}),   d_f = d_f^c - J_n + tan(psi) |J_t - J_t^0|  as a value, never through a rate
-// Condensed system over [ nodal | q/s ]:  [ P     A_up ]
+// Condensed system over [ displacement | q/s ]:  [ P     A_up ]
 //                                         [ A_pu  S'   ]   with S' = S + what open faces pass from pressures to pressures,
 // pressures in units of s = (2 mu + lambda)/h and flow rows times s, so that all entries are alike in size (stopping tests, pivots).
 #pragma once
@@ -81,7 +81,7 @@ class CoupledSystem final : public MechanicsSystem {
   void visit_bulk_up(const Visit& add) const;
   void visit_bulk_pu(const Visit& add) const;
   void visit_blocks(MatrixContent content, const std::array<const Visit*, 3>& add) const;
-  void add_fluid_forces(const MechanicalState& state, std::span<double> nodal, std::span<double> bubble) const;
+  void add_fluid_forces(const MechanicalState& state, std::span<double> displacement, std::span<double> bubble) const;
   [[nodiscard]] double aperture(Index face, const Vec3& jump) const;
   /// b|K| div_K u of owned cells and |sigma| d_f of owned fracture faces.
   void volumes(const MechanicalState& state, std::vector<double>& cells, std::vector<double>& faces) const;
@@ -90,16 +90,12 @@ class CoupledSystem final : public MechanicsSystem {
   [[nodiscard]] double sum_of_changes(Vec z, bool without_signs) const;
   void linearise_apertures(Vec z);
   void write_matrices(MatrixContent content);
-  [[nodiscard]] PetscInt nodal_number(std::size_t component) const {
-    const int dim = mesh().mesh.dim;
-    return dim * mesh().copies.global(static_cast<Index>(component) / dim) + static_cast<PetscInt>(component) % dim;
-  }
 
   FlowSystem& flow_;
   double scale_ = 1;
   bool is_linear_off_contact_;
-  Csr bulk_cells_;                ///< One row a bulk cell with a Biot coefficient that matters here: [cell, copies ...].
-  std::vector<double> biot_;      ///< b|K| c_j of its nodes, dim components each, one cell behind the other [m2; 2D: m].
+  Csr bulk_cells_;                ///< One row a bulk cell with a Biot coefficient that matters here: [cell, displacements ...].
+  std::vector<double> biot_;      ///< d(b|K| div_K)/d(each of them), one cell behind the other [m2; 2D: m].
   la::Handle<Vec> q_previous_;
   std::vector<double> pore_previous_, aperture_previous_;  ///< b|K| div_K u^{n-1} of owned cells; |sigma| d_f^{n-1} of owned faces.
   std::optional<la::SumMatrix> up_, pu_, pp_;

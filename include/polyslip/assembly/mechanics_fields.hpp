@@ -21,7 +21,8 @@ struct FractureFaceValues {
 /// All owned fracture faces, in their order.
 std::vector<FractureFaceValues> fracture_values(const MechanicsSystem& system, Vec x);
 
-/// A state made ready for loops over cells: hands out the unknowns of each cell in the order of VemCell.
+/// A state made ready for loops over cells: hands out the unknowns of each cell in the order of VemCell, dim components each (bubbles
+/// along normals as vectors).
 class CellLoop {
  public:
   CellLoop(const MechanicsSystem& system, Vec x);

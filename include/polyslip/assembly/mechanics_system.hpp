@@ -1,6 +1,6 @@
 // The discrete mechanical problem of scheme.md section 3: residual, exact linearisation, and its condensed form (section 6).
 //
-// One matrix is stored, over the nodal copies:  P = A + sum_K C_K  with the bulk A (all cells but the + cells; assembled once) and the
+// One matrix is stored, over the displacements (of node copies, and of bubbles along normals where bubbles are on all faces):  P = A + sum_K C_K  with the bulk A (all cells but the + cells; assembled once) and the
 // condensed blocks C_K of the + cells. Between Newton iterations only the rows of + cells are rewritten.
 // Where frictional slip makes C_K unsymmetric, P may hold the blocks of the same states with the friction bounds held (symmetric, what multigrid
 // likes); the exact condensed operator is then P + sum_K (C_K - C_K^sym), see apply_condensed.
@@ -100,6 +100,10 @@ class MechanicsSystem {
   /// Leaves the bulk alone in P: what is computed then does not depend on earlier linearisations, to the bit.
   void forget_linearisation() { write_contact_rows(MatrixContent::bulk); }
   [[nodiscard]] Mat matrix() const { return matrix_->get(); }
+  /// Rows of P that are nodal, with the rigid-body modes as their near null space, and those of bubbles along normals; null where bubbles
+  /// are on fracture faces only (the modes are then those of P).
+  [[nodiscard]] IS nodal_field() const { return nodal_field_; }
+  [[nodiscard]] IS normal_field() const { return normal_field_; }
   /// Rows of P (of this rank, global numbers) that linearise rewrites.
   [[nodiscard]] std::vector<PetscInt> changing_rows() const;
   /// Whether the exact condensed operator is P itself (otherwise friction makes them differ).
@@ -107,10 +111,10 @@ class MechanicsSystem {
   [[nodiscard]] bool is_symmetric() const { return symmetric_everywhere_; }
   /// y = (P + sum_K (C_K - C_K^sym)) x
   virtual void apply_condensed(Vec x, Vec y) const;
-  /// Nodal right-hand side of the condensed system for the residual f.
-  virtual void condense_residual(Vec f, Vec nodal) const;
-  /// All components of the Newton direction from its nodal part.
-  virtual void recover(Vec f, Vec nodal, Vec direction) const;
+  /// Right-hand side of the condensed system for the residual f.
+  virtual void condense_residual(Vec f, Vec displacement) const;
+  /// All components of the Newton direction from its displacements.
+  virtual void recover(Vec f, Vec displacement, Vec direction) const;
 
   /// Contact laws linearised last, by local fracture face.
   [[nodiscard]] std::span<const physics::ContactLinearisation> linearised_law() const { return law_; }
@@ -121,10 +125,12 @@ class MechanicsSystem {
   virtual void gather(Vec x, MechanicalState& state) const { layout_.gather(x, state); }
   virtual void scatter(const MechanicalState& state, Vec x) const { layout_.scatter(state, x); }
   [[nodiscard]] ContactCells& cells() { return cells_; }
+  [[nodiscard]] bool is_ours(std::span<const Index> displacements) const;  ///< Whether this rank owns one of them.
   [[nodiscard]] MatrixContent content() const { return content_; }
 
  private:
   void assemble_bulk();
+  void describe_fields();
   void compute_lift();
   void write_contact_rows(MatrixContent content);
   [[nodiscard]] physics::ContactLaw law_of(Index face) const;
@@ -133,7 +139,7 @@ class MechanicsSystem {
   }
   [[nodiscard]] physics::ContactPoint point(Index face, const MechanicalState& state) const;
   void momentum_rows(Vec y, std::span<const double> fracture_pressure, Vec r) const;
-  void add_bulk(Vec nodal_free, std::span<double> rows) const;
+  void add_bulk(Vec free, std::span<double> rows) const;
   void add_blocks(std::span<const double> x, std::span<double> y, bool difference_only, double sign) const;
 
   const mesh::DistributedMesh& mesh_;
@@ -143,13 +149,14 @@ class MechanicsSystem {
   ContactCells cells_;
   LoadAssembler load_assembler_;
   std::unique_ptr<la::BlockMatrix> matrix_;
-  std::vector<Index> contact_rows_;  ///< Owned copies whose rows + cells touch.
+  la::Handle<IS> nodal_field_, normal_field_;
+  std::vector<Index> contact_rows_;  ///< Owned entities whose rows + cells touch.
   std::vector<double> bulk_rows_;    ///< Their values in A, in order.
   MatrixContent content_ = MatrixContent::bulk;
   bool matrix_is_exact_ = true, symmetric_everywhere_ = true;
 
   Loads loads_;
-  std::vector<double> lift_;  ///< A_{free, prescribed} u_D, dim copies.owned [N]
+  std::vector<double> lift_;  ///< A_{free, prescribed} u_D, owned displacements [N]
   double load_scale_ = 0;     ///< Norm of lift and loads [N]
   double beta_scale_ = 0.1, theta_ = 1, friction_factor_ = 1;
   bool friction_is_lagged_ = false;
@@ -159,7 +166,7 @@ class MechanicsSystem {
   std::vector<physics::ContactLinearisation> law_;
 
   mutable MechanicalState work_, work2_;
-  la::Handle<Vec> nodal_in_, nodal_out_;
+  la::Handle<Vec> free_in_, product_;
 };
 
 }  // namespace polyslip::assembly

@@ -3,6 +3,7 @@
 // Block of the local unknowns j (test, component a) and k (trial, component b), j and k over nodes and bubbles:
 //   |K| ( lambda c_j[a] c_k[b] + mu ( delta_ab c_j.c_k + c_k[a] c_j[b] ) )                          Hooke
 //   + gamma h_K^{d-2} delta_ab ( [P^T P]_jk + delta_jk [j is a bubble] ),   P_sj = v_Ks - Pi_K v(x_s)      stabilisation
+// contracted with n_sigma where j or k is a bubble along a normal.
 // With y_s = x_s - xbar (sum_s y_s = 0) and Q = sum_s y_s y_s^T:
 //   [P^T P]_jk = (delta_jk - 1/n)[j, k nodes] - (y_j . c_k)[j node] - (y_k . c_j)[k node] + c_j . Q c_k.
 #pragma once
@@ -33,7 +34,7 @@ Eigen::Matrix3d initial_stress(const std::array<Expression, 6>& entries, const E
 /// Factor gamma of the stabilisation [Pa].
 double stabilisation_factor(const Lame& lame, Stabilisation kind);
 
-/// Stiffness of one cell; `matrix` is row-major of shape (dim size(), dim size()), row dim * j + a.
+/// Stiffness of one cell; `matrix` is row-major of shape (components(), components()), row first_component(j) + a.
 void local_stiffness(int dim, const spaces::VemCell& cell, const Lame& lame, double gamma, std::span<double> matrix);
 
 }  // namespace polyslip::physics

@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "polyslip/common/expression.hpp"
+#include "polyslip/spaces/vem_cell.hpp"
 
 namespace polyslip::physics {
 
@@ -30,9 +31,9 @@ struct BoundaryRule {
   std::string place;
 };
 
-enum class Stabilisation { two_mu, two_mu_lambda };  ///< Factor 2mu or 2mu + lambda of S_K (scheme.md section 3).
-
-enum class Bubbles { fracture, all };  ///< Faces with a bubble unknown: + sides of fractures, or all faces.
+/// Factor of S_K (scheme.md section 3): mu, 2mu or 2mu + lambda. S_K resists the bending of cells that are no simplices; a square would
+/// bend like a beam with 4/3 mu (lambda + mu)/(lambda + 2mu), which lies between 2/3 mu and 4/3 mu.
+enum class Stabilisation { mu, two_mu, two_mu_lambda };
 
 enum class FrictionLaw { frictionless, tresca, coulomb };
 
@@ -52,7 +53,7 @@ struct MechanicsProblem {
   std::vector<BoundaryRule> boundary;
   std::array<Expression, 3> body_force;  ///< f [N/m3]
   Stabilisation stabilisation = Stabilisation::two_mu;
-  Bubbles bubbles = Bubbles::fracture;
+  spaces::Bubbles bubbles = spaces::Bubbles::fracture;
   /// sigma_0 [Pa], tension positive: xx yy zz xy yz xz at the cell centre (2D: yz = xz = 0); the effective stress is
   /// sigma_0 + C:eps(u).
   std::optional<std::array<Expression, 6>> initial_stress;

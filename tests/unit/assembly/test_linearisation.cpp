@@ -17,12 +17,13 @@ using physics::ContactState;
 using Content = MechanicsSystem::MatrixContent;
 
 /// A box cut through at x = 1/2, at a random state near which all three contact states occur and no face lies on a kink.
-class linearisation : public testing::TestWithParam<Shape> {
+class linearisation : public testing::TestWithParam<std::tuple<Shape, spaces::Bubbles>> {
  protected:
   static constexpr double friction = 0.6;
-  int dim_ = GetParam().dim;
-  ContactScene scene_{[] { return fractured_box(GetParam(), GetParam().dim == 2 ? 6 : 4, 0, 1); },
-                      mixed_contact(GetParam().dim, friction)};
+  Shape shape_ = std::get<0>(GetParam());
+  int dim_ = shape_.dim;
+  ContactScene scene_{[this] { return fractured_box(shape_, dim_ == 2 ? 6 : 4, 0, 1); },
+                      mixed_contact(dim_, friction, std::get<1>(GetParam()))};
   MechanicsSystem& system_ = *scene_.system;
 
   void SetUp() override {
@@ -128,7 +129,7 @@ TEST_P(linearisation, jump_is_the_face_mean_of_the_difference_of_sides_plus_the_
   for (Index copy = 0; copy < scene_.mesh.copies.local(); ++copy) {
     const Vec3& x = scene_.node_of(copy);
     for (int a = 0; a < dim_; ++a)
-      state.nodal[static_cast<std::size_t>(dim_) * copy + a] = (scene_.is_right(copy) ? right(x) : left(x))[a];
+      state.displacement[system_.layout().of_copy(copy) + a] = (scene_.is_right(copy) ? right(x) : left(x))[a];
   }
   for (std::size_t i = 0; i < state.bubble.size(); ++i) state.bubble[i] = bubble[static_cast<Eigen::Index>(i) % dim_];
   for (Index f = 0; f < scene_.mesh.fractures.owned; ++f) {
@@ -146,11 +147,11 @@ TEST_P(linearisation, condensed_direction_solves_the_saddle_system) {
   for (Content content : {Content::symmetric, Content::exact}) {
     system_.linearise(scene_.x, content);
     const la::Handle<Vec> f = residual(scene_.x), y = random_vector(system_, 31);
-    la::Handle<Vec> nodal = system_.layout().create_nodal_vector(), direction = vector(), product = vector();
+    la::Handle<Vec> nodal = system_.layout().create_displacement_vector(), direction = vector(), product = vector();
     {
       const VecRead a(y);
       const assembly::VecWrite b(nodal);
-      std::copy_n(a.data(), system_.layout().nodal_size(), b.data());
+      std::copy_n(a.data(), system_.layout().displacement_size(), b.data());
     }
     system_.recover(f, nodal, direction);
     POLYSLIP_PETSC(MatMult(jacobian, direction, product));
@@ -158,14 +159,14 @@ TEST_P(linearisation, condensed_direction_solves_the_saddle_system) {
     EXPECT_LT(distance(product, f, l.bubble_start(), l.size()), 1e-11);
 
     // Nodal rows: J direction - f = C nodal - (condensed residual)
-    la::Handle<Vec> condensed = system_.layout().create_nodal_vector(), rhs = system_.layout().create_nodal_vector();
+    la::Handle<Vec> condensed = system_.layout().create_displacement_vector(), rhs = system_.layout().create_displacement_vector();
     system_.apply_condensed(nodal, condensed);
     system_.condense_residual(f, rhs);
     POLYSLIP_PETSC(VecAXPY(condensed, -1.0, rhs));
     POLYSLIP_PETSC(VecAXPY(product, -1.0, f));
     const VecRead a(condensed), b(product);
     std::vector<double> error, size;
-    for (Index i = 0; i < l.nodal_size(); ++i) {
+    for (Index i = 0; i < l.displacement_size(); ++i) {
       if (system_.fixed()[i]) continue;
       error.push_back(a[i] - b[i]);
       size.push_back(a[i]);
@@ -193,7 +194,9 @@ TEST_P(linearisation, contact_line_follows_the_full_residual) {
   }
 }
 
-INSTANTIATE_TEST_SUITE_P(every_shape, linearisation, testing::ValuesIn(all_shapes()), ShapeName());
+INSTANTIATE_TEST_SUITE_P(every_shape, linearisation,
+                         testing::Combine(testing::ValuesIn(all_shapes()), testing::Values(spaces::Bubbles::fracture, spaces::Bubbles::all)),
+                         ShapeAndBubblesName());
 
 /// Condensed blocks with one contact state on all faces, against the formulas of scheme.md section 6.
 class condensed_blocks : public testing::TestWithParam<Shape> {
@@ -214,11 +217,11 @@ class condensed_blocks : public testing::TestWithParam<Shape> {
   }
   /// The nodal part of a random vector.
   [[nodiscard]] la::Handle<Vec> nodal(unsigned seed) const {
-    la::Handle<Vec> v = system_.layout().create_nodal_vector();
+    la::Handle<Vec> v = system_.layout().create_displacement_vector();
     const la::Handle<Vec> all = random_vector(system_, seed);
     const VecRead a(all);
     const assembly::VecWrite b(v);
-    std::copy_n(a.data(), system_.layout().nodal_size(), b.data());
+    std::copy_n(a.data(), system_.layout().displacement_size(), b.data());
     return v;
   }
   template <class Body>
@@ -268,7 +271,7 @@ TEST_P(condensed_blocks, are_the_schur_complement_of_the_bubbles_where_the_face_
 
 TEST_P(condensed_blocks, are_symmetric_only_without_frictional_slip) {
   const auto asymmetry = [&] {  // |y.Px - x.Py| / |y.Px|, on free components
-    la::Handle<Vec> x = nodal(51), y = nodal(52), product = system_.layout().create_nodal_vector();
+    la::Handle<Vec> x = nodal(51), y = nodal(52), product = system_.layout().create_displacement_vector();
     PetscScalar yx = 0, xy = 0;
     POLYSLIP_PETSC(MatMult(system_.matrix(), x, product));
     POLYSLIP_PETSC(VecDot(product, y, &yx));
@@ -299,7 +302,7 @@ TEST_P(condensed_blocks, made_symmetric_are_those_of_a_friction_bound_that_is_he
   held.system->use_lagged_friction(true);
   held.system->linearise(scene_.x, Content::symmetric);
   EXPECT_TRUE(held.system->is_symmetric());
-  la::Handle<Vec> x = nodal(61), with = system_.layout().create_nodal_vector(), without = system_.layout().create_nodal_vector();
+  la::Handle<Vec> x = nodal(61), with = system_.layout().create_displacement_vector(), without = system_.layout().create_displacement_vector();
   POLYSLIP_PETSC(MatMult(system_.matrix(), x, with));
   POLYSLIP_PETSC(MatMult(held.system->matrix(), x, without));
   POLYSLIP_PETSC(VecAXPY(with, -1.0, without));

@@ -16,7 +16,7 @@ using tests::Shape;
 constexpr Lame rock{1.3, 2.1};
 
 Eigen::MatrixXd stiffness(const mesh::PolyMesh& mesh, const VemCell& vem, double gamma, const Lame& lame = rock) {
-  const int n = mesh.dim * vem.size();
+  const int n = vem.components();
   Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor> matrix(n, n);
   local_stiffness(mesh.dim, vem, lame, gamma, {matrix.data(), static_cast<std::size_t>(n) * n});
   return matrix;
@@ -25,7 +25,7 @@ Eigen::MatrixXd stiffness(const mesh::PolyMesh& mesh, const VemCell& vem, double
 /// Nodal values of a field with zero bubbles.
 template <class Field>
 Eigen::VectorXd interpolate(const mesh::PolyMesh& mesh, const VemCell& vem, const Field& field) {
-  Eigen::VectorXd v = Eigen::VectorXd::Zero(mesh.dim * vem.size());
+  Eigen::VectorXd v = Eigen::VectorXd::Zero(vem.components());
   for (int s = 0; s < vem.n_nodes(); ++s)
     v.segment(mesh.dim * s, mesh.dim) = field(mesh.nodes[mesh.cell_nodes[vem.cell()][s]]).head(mesh.dim);
   return v;
@@ -33,23 +33,28 @@ Eigen::VectorXd interpolate(const mesh::PolyMesh& mesh, const VemCell& vem, cons
 
 /// sum_K sigma:eps and stabilisation term by term from G_K and Pi_K, as the scheme writes them.
 double energy_by_definition(const mesh::PolyMesh& mesh, const VemCell& vem, double gamma, const Eigen::VectorXd& v) {
-  const std::span<const double> values(v.data(), static_cast<std::size_t>(v.size()));
+  Eigen::VectorXd vectors(mesh.dim * vem.size());  // bubbles along normals too
+  for (int j = 0; j < vem.size(); ++j)
+    vectors.segment(mesh.dim * j, mesh.dim) = vem.is_normal(j)
+                                                  ? Eigen::VectorXd(v[vem.first_component(j)] * vem.normal(j).head(mesh.dim))
+                                                  : Eigen::VectorXd(v.segment(vem.first_component(j), mesh.dim));
+  const std::span<const double> values(vectors.data(), static_cast<std::size_t>(vectors.size()));
   const Eigen::Matrix3d g = vem.gradient(values), eps = 0.5 * (g + g.transpose());
   const Eigen::Matrix3d sigma = 2 * rock.mu * eps + rock.lambda * eps.trace() * Eigen::Matrix3d::Identity();
   double s = 0;
   for (int j = 0; j < vem.size(); ++j) {
     Vec3 value = Vec3::Zero();
-    value.head(mesh.dim) = v.segment(mesh.dim * j, mesh.dim);
+    value.head(mesh.dim) = vectors.segment(mesh.dim * j, mesh.dim);
     if (j < vem.n_nodes()) value -= vem.value(g, values, mesh.nodes[mesh.cell_nodes[vem.cell()][j]]);
     s += value.squaredNorm();
   }
   return vem.volume() * sigma.cwiseProduct(eps).sum() + gamma * std::pow(vem.diameter(), mesh.dim - 2) * s;
 }
 
-class cell_stiffness : public testing::TestWithParam<Shape> {
+class cell_stiffness : public testing::TestWithParam<std::tuple<Shape, spaces::Bubbles>> {
  protected:
-  mesh::PolyMesh mesh_ = tests::fractured_box(GetParam(), 4, 0.25, 0.75);
-  VemCell vem_{mesh_};
+  mesh::PolyMesh mesh_ = tests::fractured_box(std::get<0>(GetParam()), 4, 0.25, 0.75);
+  VemCell vem_{mesh_, std::get<1>(GetParam())};
 
   template <class Body>
   void for_each_cell(Body&& body) {
@@ -78,7 +83,7 @@ TEST_P(cell_stiffness, is_symmetric) {
 
 TEST_P(cell_stiffness, has_the_energy_of_the_scheme) {
   for_each_cell([&] {
-    Eigen::VectorXd v(mesh_.dim * vem_.size());
+    Eigen::VectorXd v(vem_.components());
     for (int i = 0; i < v.size(); ++i) v[i] = std::sin(3.0 * i + 1);
     const double energy = energy_by_definition(mesh_, vem_, 2.6, v);
     EXPECT_NEAR(v.dot(stiffness(mesh_, vem_, 2.6) * v), energy, 1e-12 * energy);
@@ -102,7 +107,9 @@ TEST_P(cell_stiffness, vanishes_on_rigid_motions_only) {
   });
 }
 
-INSTANTIATE_TEST_SUITE_P(every_shape, cell_stiffness, testing::ValuesIn(tests::all_shapes()), tests::ShapeName());
+INSTANTIATE_TEST_SUITE_P(every_shape, cell_stiffness,
+                         testing::Combine(testing::ValuesIn(tests::all_shapes()), testing::Values(spaces::Bubbles::fracture, spaces::Bubbles::all)),
+                         tests::ShapeAndBubblesName());
 
 TEST(stress, is_that_of_hooke_with_the_axial_stress_of_plane_strain) {
   Eigen::Matrix3d g = Eigen::Matrix3d::Zero();
@@ -114,7 +121,8 @@ TEST(stress, is_that_of_hooke_with_the_axial_stress_of_plane_strain) {
   EXPECT_LT((stress(rock, g) - expected).norm(), 1e-15);
 }
 
-TEST(stabilisation_factor, is_2mu_or_2mu_plus_lambda) {
+TEST(stabilisation_factor, is_mu_or_2mu_or_2mu_plus_lambda) {
+  EXPECT_DOUBLE_EQ(stabilisation_factor(rock, Stabilisation::mu), 1.3);
   EXPECT_DOUBLE_EQ(stabilisation_factor(rock, Stabilisation::two_mu), 2.6);
   EXPECT_DOUBLE_EQ(stabilisation_factor(rock, Stabilisation::two_mu_lambda), 4.7);
 }

@@ -142,12 +142,12 @@ TEST(flow_scenes, take_initial_stress_and_bubbles_on_all_faces) {
   EXPECT_EQ(stress[1]({.x = {0, 0.25, 0}}), -0.75e6);
   EXPECT_EQ(stress[3]({}), 2e5);
   for (std::size_t i : {0, 2, 4, 5}) EXPECT_TRUE(stress[i].is_zero());
-  EXPECT_EQ(problem.bubbles, physics::Bubbles::all);
+  EXPECT_EQ(problem.bubbles, spaces::Bubbles::all);
   EXPECT_FALSE(parse(smallest).mechanics.initial_stress);
   const Scene without_flow = parse(smallest, {"initial.stress.zz=-1e6"});
   EXPECT_EQ((*without_flow.mechanics.initial_stress)[2]({}), -1e6);
   EXPECT_FALSE(without_flow.initial.equilibrium);
-  EXPECT_EQ(parse(smallest).mechanics.bubbles, physics::Bubbles::fracture);
+  EXPECT_EQ(parse(smallest).mechanics.bubbles, spaces::Bubbles::fracture);
 }
 
 TEST(flow_scenes, take_bounds_of_steps_and_times_to_meet) {

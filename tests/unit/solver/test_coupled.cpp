@@ -28,11 +28,11 @@ double norm(Vec v) {
   return n;
 }
 
-class coupled_derivatives : public testing::TestWithParam<std::tuple<Shape, ConductivityTime>> {};
+class coupled_derivatives : public testing::TestWithParam<std::tuple<Shape, ConductivityTime, spaces::Bubbles>> {};
 
 TEST_P(coupled_derivatives, the_direction_solves_the_linearised_rows) {
-  const auto& [shape, conductivities] = GetParam();
-  CoupledScene scene(shape, {.dilation = 0.1, .conductivities = conductivities});
+  const auto& [shape, conductivities, bubbles] = GetParam();
+  CoupledScene scene(shape, {.dilation = 0.1, .conductivities = conductivities, .bubbles = bubbles});
   CoupledSystem& system = *scene.system;
   la::Handle<Vec> before = random_state(system, 1, 1e-3, 0, 0.1), z = random_state(system, 2, 2e-3, 1, 0.1);
   ASSERT_TRUE(system.begin_step(before, 0.3));
@@ -56,14 +56,16 @@ TEST_P(coupled_derivatives, the_direction_solves_the_linearised_rows) {
   EXPECT_LT(norm(plus) / (2 * step), 2e-6 * norm(f));
 }
 
-std::string case_name(const testing::TestParamInfo<std::tuple<Shape, ConductivityTime>>& info) {
-  const auto& [shape, conductivities] = info.param;
-  return shape.name + std::to_string(shape.dim) + "d" + (conductivities == ConductivityTime::current ? "_current" : "_previous");
+std::string case_name(const testing::TestParamInfo<std::tuple<Shape, ConductivityTime, spaces::Bubbles>>& info) {
+  const auto& [shape, conductivities, bubbles] = info.param;
+  return shape.name + std::to_string(shape.dim) + "d" + (conductivities == ConductivityTime::current ? "_current" : "_previous") +
+         (bubbles == spaces::Bubbles::all ? "_bubbles_on_all_faces" : "");
 }
 
 INSTANTIATE_TEST_SUITE_P(every_shape, coupled_derivatives,
                          testing::Combine(testing::ValuesIn(planar_shapes()),
-                                          testing::Values(ConductivityTime::previous, ConductivityTime::current)),
+                                          testing::Values(ConductivityTime::previous, ConductivityTime::current),
+                                          testing::Values(spaces::Bubbles::fracture, spaces::Bubbles::all)),
                          case_name);
 
 struct History {
@@ -102,11 +104,15 @@ History run(CoupledScene& scene, int steps = 4) {
   return result;
 }
 
-class coupled_steps : public testing::TestWithParam<Shape> {};
+class coupled_steps : public testing::TestWithParam<std::tuple<Shape, spaces::Bubbles>> {
+ protected:
+  Shape shape_ = std::get<0>(GetParam());
+  spaces::Bubbles bubbles_ = std::get<1>(GetParam());
+};
 
 TEST_P(coupled_steps, create_neither_energy_nor_fluid) {
   for (double dilation : {0.0, 0.1}) {
-    CoupledScene scene(GetParam(), {.dilation = dilation});
+    CoupledScene scene(shape_, {.dilation = dilation, .bubbles = bubbles_});
     const History steps = run(scene);
     EXPECT_LT(steps.energy_error, 1e-9);
     EXPECT_LT(steps.mass_error, 1e-9);
@@ -117,10 +123,10 @@ TEST_P(coupled_steps, create_neither_energy_nor_fluid) {
 }
 
 TEST_P(coupled_steps, are_the_same_by_fixed_stress_and_by_factorisation) {
-  CoupledScene scene(GetParam(), {});
+  CoupledScene scene(shape_, {.bubbles = bubbles_});
   const History direct = run(scene, 2);
   const ScopedOption fixed_stress("-coupled_pc_type", "fieldsplit");
-  CoupledScene again(GetParam(), {});
+  CoupledScene again(shape_, {.bubbles = bubbles_});
   const History split = run(again, 2);
   for (auto [a, b] : {std::pair{direct.x.get(), split.x.get()}, std::pair{direct.q.get(), split.q.get()}}) {
     const double size = norm(a);
@@ -129,7 +135,9 @@ TEST_P(coupled_steps, are_the_same_by_fixed_stress_and_by_factorisation) {
   }
 }
 
-INSTANTIATE_TEST_SUITE_P(every_shape, coupled_steps, testing::ValuesIn(planar_shapes()), ShapeName());
+INSTANTIATE_TEST_SUITE_P(every_shape, coupled_steps,
+                         testing::Combine(testing::ValuesIn(planar_shapes()), testing::Values(spaces::Bubbles::fracture, spaces::Bubbles::all)),
+                         ShapeAndBubblesName());
 
 }  // namespace
 }  // namespace polyslip

@@ -51,6 +51,7 @@ void expect_solution(const ContactScene& scene, const TwoSides& u, const Vec3& m
   const double size = largest(exact);
   EXPECT_LT(largest(error), 1e-12 * size);
   EXPECT_LT(largest(parts.bubble), 1e-12 * size);
+  EXPECT_LT(largest(parts.normal_bubble), 1e-12 * size);
   EXPECT_LT(largest(jump_error), 1e-12 * size);
   // Where faces slip, Krylov's tolerance shows.
   EXPECT_LT(largest(lam_error),
@@ -76,17 +77,19 @@ Eigen::Matrix3d strained(int dim, double pressing, const Vec3& shear) {
   return g;
 }
 
-class patches : public testing::TestWithParam<Shape> {
+class patches : public testing::TestWithParam<std::tuple<Shape, spaces::Bubbles>> {
  protected:
-  int dim_ = GetParam().dim;
+  Shape shape_ = std::get<0>(GetParam());
+  int dim_ = shape_.dim;
 
   [[nodiscard]] auto boxed(double low, double high) const {
-    return [=] { return fractured_box(GetParam(), 4, low, high); };
+    return [=, this] { return fractured_box(shape_, 4, low, high); };
   }
   [[nodiscard]] physics::MechanicsProblem held_all_round(const TwoSides& u, const physics::ContactRule& rule) const {
     physics::MechanicsProblem problem;
     problem.boundary = {hold("all", u.text(dim_))};
     problem.contact = {rule};
+    problem.bubbles = std::get<1>(GetParam());
     return problem;
   }
   /// Solves with u on the whole boundary; `shear` and `pressing` are the traction of u on x = 1/2.
@@ -154,8 +157,9 @@ TEST_P(patches, blocks_that_are_pulled_apart_carry_nothing) {
 }
 
 /// A bar of two blocks in uniaxial strain: left end held, right end moved by `end`, sides on rollers.
-physics::MechanicsProblem bar(int dim, double end, double pressure) {
+physics::MechanicsProblem bar(int dim, double end, double pressure, spaces::Bubbles bubbles) {
   physics::MechanicsProblem problem;
+  problem.bubbles = bubbles;
   problem.boundary = {hold("left", {"0"}), hold("right", {fmt::format("{:.17g}", end)})};
   const std::vector<std::string> along_y{"", "0"}, along_z{"", "", "0"};
   for (const char* side : {dim == 2 ? "bottom" : "front", dim == 2 ? "top" : "back"})
@@ -168,7 +172,7 @@ physics::MechanicsProblem bar(int dim, double end, double pressure) {
 
 TEST_P(patches, pressure_above_the_load_opens_the_fracture_by_the_strain_of_the_blocks) {
   constexpr double modulus = 2 * mu + lambda, pressure = 0.05, end = -0.4 * pressure / modulus;
-  ContactScene scene(boxed(0, 1), bar(dim_, end, pressure));
+  ContactScene scene(boxed(0, 1), bar(dim_, end, pressure, std::get<1>(GetParam())));
   const auto result = scene.solve();
   ASSERT_TRUE(result.converged) << result.message;
   TwoSides u;  // both blocks at stress -pressure
@@ -180,7 +184,7 @@ TEST_P(patches, pressure_above_the_load_opens_the_fracture_by_the_strain_of_the_
 
 TEST_P(patches, pressure_below_the_load_takes_its_part_of_the_contact_force) {
   constexpr double modulus = 2 * mu + lambda, load = 0.05, pressure = 0.4 * load;
-  ContactScene scene(boxed(0, 1), bar(dim_, -load / modulus, pressure));
+  ContactScene scene(boxed(0, 1), bar(dim_, -load / modulus, pressure, std::get<1>(GetParam())));
   const auto result = scene.solve();
   ASSERT_TRUE(result.converged) << result.message;
   TwoSides u;
@@ -188,7 +192,9 @@ TEST_P(patches, pressure_below_the_load_takes_its_part_of_the_contact_force) {
   expect_solution(scene, u, {load - pressure, 0, 0}, ContactState::stick);
 }
 
-INSTANTIATE_TEST_SUITE_P(every_shape, patches, testing::ValuesIn(all_shapes()), ShapeName());
+INSTANTIATE_TEST_SUITE_P(every_shape, patches,
+                         testing::Combine(testing::ValuesIn(all_shapes()), testing::Values(spaces::Bubbles::fracture, spaces::Bubbles::all)),
+                         ShapeAndBubblesName());
 
 }  // namespace
 }  // namespace polyslip

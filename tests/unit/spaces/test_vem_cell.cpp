@@ -94,6 +94,35 @@ TEST_P(vem_cells, volumes_and_rules_sum_to_the_box) {
   EXPECT_NEAR(weights, 1, 1e-13);
 }
 
+TEST_P(vem_cells, bubbles_along_normals_add_what_they_let_through_to_the_divergences_of_both_cells) {
+  VemCell with(mesh_, Bubbles::all);
+  std::vector<double> through(static_cast<std::size_t>(mesh_.n_faces()), 0.0);  // sum over the cells of a face
+  std::vector<int> cells(through.size(), 0);
+  for (Index cell = 0; cell < mesh_.n_cells(); ++cell) {
+    with.build(cell);
+    vem_.build(cell);
+    EXPECT_EQ(with.n_bubbles(), vem_.n_bubbles());
+    EXPECT_EQ(with.size(), vem_.size() + with.n_normals());
+    EXPECT_EQ(with.components(), mesh_.dim * vem_.size() + with.n_normals());
+    for (int j = 0; j + 1 < with.size(); ++j)
+      EXPECT_EQ(with.first_component(j + 1) - with.first_component(j), with.is_normal(j) ? 1 : mesh_.dim);
+    for (int k = 0; k < with.n_normals(); ++k) {
+      const int j = with.n_nodes() + k;
+      const Index face = with.normal_faces()[k];
+      EXPECT_FALSE(mesh_.on_fracture(face));
+      EXPECT_NEAR(with.normal(j).norm(), 1, 1e-14);
+      EXPECT_NEAR(with.c()[j].cross(with.normal(j)).norm(), 0, 1e-13 * with.c()[j].norm());
+      through[face] += with.volume() * with.c()[j].dot(with.normal(j));
+      ++cells[face];
+    }
+  }
+  for (Index face = 0; face < mesh_.n_faces(); ++face) {
+    EXPECT_EQ(cells[face], mesh_.on_fracture(face) ? 0 : mesh_.on_boundary(face) ? 1 : 2);
+    if (cells[face] == 2) EXPECT_LT(std::abs(through[face]), 1e-15) << "what leaves one cell enters the other";
+    if (cells[face] == 1) EXPECT_GT(std::abs(through[face]), 1e-5);
+  }
+}
+
 INSTANTIATE_TEST_SUITE_P(every_shape, vem_cells, testing::ValuesIn(tests::all_shapes()), tests::ShapeName());
 
 TEST(vem_cell, diameter_is_the_longest_distance_of_two_nodes) {
