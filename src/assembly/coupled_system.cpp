@@ -265,8 +265,21 @@ void CoupledSystem::add_pressures(Vec q, Loads& loads) const {
   }
   std::vector<double> nodal(loads.nodal.size(), 0.0), bubble(loads.bubble.size(), 0.0);
   add_fluid_forces(state, nodal, bubble);
+  add_rest_on_faces(bubble);
   for (std::size_t i = 0; i < nodal.size(); ++i) loads.nodal[i] -= nodal[i];
   for (std::size_t i = 0; i < bubble.size(); ++i) loads.bubble[i] -= bubble[i];
+}
+
+void CoupledSystem::add_rest_on_faces(std::span<double> bubble) const {
+  const auto dim = static_cast<std::size_t>(layout().dim());
+  for (Index f = 0; f < mesh().fractures.local(); ++f) {
+    const ContactFace& face = contact_cells().faces()[f];
+    if (face.cell < 0) continue;
+    const Index cell = contact_cells().mesh_cell(face.cell);
+    const double change = flow_.reference_at(face.centre) - flow_.reference()[flow_.layout().cell(cell)];
+    for (std::size_t a = 0; a < dim; ++a)
+      bubble[dim * f + a] -= flow_.rock()[cell].biot * change * face.area * face.frame(0, static_cast<Eigen::Index>(a));
+  }
 }
 
 void CoupledSystem::set_loads(Loads loads) {

@@ -5,6 +5,7 @@
 #include "polyslip/common/error.hpp"
 #include "polyslip/common/mpi.hpp"
 #include "polyslip/geometry/faces.hpp"
+#include "polyslip/spaces/hfv_cell.hpp"
 
 namespace polyslip::assembly {
 
@@ -162,17 +163,21 @@ void LoadAssembler::add_body_force(double time, Loads& loads) const {
 }
 
 void LoadAssembler::add_initial_stress(double time, Loads& loads) const {
-  // - |K| sigma_0 : G_K v
+  // - |K| sigma_0 : G_K v, with sigma_0 in the middle of the cell for the nodes and in the middle of the face for a bubble. The bubble
+  // rows give the traction of the face, which would else be that in the cell, off by the gradient of sigma_0 times h/4 or so.
   const mesh::PolyMesh& m = mesh_.mesh;
   const auto dim = static_cast<std::size_t>(m.dim);
   const std::vector<Index> number = mesh::fracture_numbers(mesh_);
   spaces::VemCell vem(m);
   for (Index cell = 0; cell < m.n_cells(); ++cell) {
     vem.build(cell);
-    const Eigen::Matrix3d stress = physics::initial_stress(*problem_.initial_stress, {.x = vem.xbar(), .t = time});
+    const auto stress_at = [&](const Vec3& x) { return physics::initial_stress(*problem_.initial_stress, {.x = x, .t = time}); };
+    const Eigen::Matrix3d stress = stress_at(vem.xbar());
     const auto copies = m.copies_of(cell);
     for (int j = 0; j < vem.size(); ++j) {
-      const Vec3 force = -vem.volume() * (stress * vem.c()[j]);
+      Vec3 force = -vem.volume() * (stress * vem.c()[j]);
+      if (j >= vem.n_nodes())
+        force = -vem.volume() * (stress_at(spaces::face_geometry(m, vem.bubble_faces()[j - vem.n_nodes()]).centre) * vem.c()[j]);
       const Index target = j < vem.n_nodes() ? copies[j] : number[vem.bubble_faces()[j - vem.n_nodes()]];
       if (target < 0) continue;
       auto& values = j < vem.n_nodes() ? loads.nodal : loads.bubble;
