@@ -218,7 +218,7 @@ def draw_3d(directory, matrix, fractures, png):
         plotter.view_isometric()
         plotter.camera.zoom(0.85)
     plotter.subplot(0, 0)
-    plotter.add_text(f"t = {matrix.time:g} s", position="upper_left", font_size=9)
+    plotter.add_text(f"t = {matrix.time:g} s", position="lower_left", font_size=9)
     plotter.screenshot(png)
 
 
