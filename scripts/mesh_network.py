@@ -1,6 +1,7 @@
 """Conforming meshes of fracture networks by Gmsh, for mesh.file of a scene. See scripts/mesh_network.
 
 Fractures are polylines in a rectangle, or planar polygons in a box; they may meet, cross, turn corners and reach the boundary.
+No cell crosses an interface between layers (--layer), which has no group and no contact.
 The mesh has the physical groups rock (cells), one of each fracture's name (faces) and the sides left, right (x), bottom, top (the last
 axis), front, back (y, in 3D), as meshes of boxes have.
 """
@@ -79,6 +80,9 @@ def read_network(arguments):
     if network.low is None:
         raise SystemExit(f"mesh_network: {file} has no mesh.box. Give --box XMIN YMIN XMAX YMAX.")
     dim = len(network.low)
+    for level, size in arguments.layer.items():
+        if not network.low[-1] < level < network.high[-1] or (size is not None and not size > 0):
+            raise SystemExit(f"mesh_network: --layer {level:g}: it must lie in the box, and its size be positive.")
     least = 2 if dim == 2 else 3
     if unknown := [name for name in arguments.fine if name not in network.fractures]:
         raise SystemExit(f"mesh_network: --fine {unknown[0]}: there is no such fracture; there are {', '.join(network.fractures)}.")
@@ -108,8 +112,16 @@ def add_fracture(points):
     return [(2, occ.addPlaneSurface([occ.addCurveLoop(edges)]))]
 
 
-def fragment(network):
-    """Cuts the box along the fractures; returns the pieces of each fracture and the cells' pieces."""
+def add_interface(network, level):
+    """The level of the last axis from side to side."""
+    (x, *y, _), (x_end, *y_end, _) = network.low, network.high
+    if not y:
+        return add_fracture([[x, level], [x_end, level]])
+    return add_fracture([[x, *y, level], [x_end, *y, level], [x_end, *y_end, level], [x, *y_end, level]])
+
+
+def fragment(network, levels):
+    """Cuts the box along the fractures and the levels; returns the pieces of each of both and the cells' pieces."""
     occ = gmsh.model.occ
     box = add_box(network.low, network.high)
     tools, owners = [], []
@@ -119,15 +131,18 @@ def fragment(network):
             raise SystemExit(f"mesh_network: fracture \"{name}\" lies outside the box.")
         tools += inside
         owners += [name] * len(inside)
+    for level in levels:
+        tools += add_interface(network, level)
+        owners.append(level)
     rock, pieces = box, [box]
     if tools:
         rock, pieces = occ.fragment(box, tools)
     occ.synchronize()
     dim = len(network.low)
-    parts = {name: [] for name in network.fractures}
-    for name, entities in zip(owners, pieces[1:]):
-        parts[name] += [tag for _, tag in entities]
-    return parts, [tag for entity, tag in rock if entity == dim]
+    parts, interfaces = {name: [] for name in network.fractures}, {level: [] for level in levels}
+    for owner, entities in zip(owners, pieces[1:]):
+        (parts if owner in parts else interfaces)[owner] += [tag for _, tag in entities]
+    return parts, interfaces, [tag for entity, tag in rock if entity == dim]
 
 
 def side_of(entity, network):
@@ -162,7 +177,7 @@ def name_groups(network, parts, rock):
 
 
 def tips(parts, network):
-    """Points (2D) or edges (3D) inside the box that belong to one piece of fracture only, by fracture."""
+    """Points (2D) or edges (3D) inside the box that belong to one piece of fracture only, by fracture. Layers do not count."""
     dim = len(network.low)
     ends = {name: Counter() for name in parts}
     for name, tags in parts.items():
@@ -182,14 +197,16 @@ def size_near(entities, dim, formula):
     return size
 
 
-def set_sizes(parts, network, arguments):
+def set_sizes(parts, interfaces, network, arguments):
     """Sizes at points, which Gmsh carries along curves and from these into the rock, and smaller ones near tips and on fine fractures."""
     dim, mesh = len(network.low), gmsh.model.mesh
     sizes = {name: arguments.fine.get(name, arguments.size) for name in parts}
     mesh.setSize(gmsh.model.getEntities(0), arguments.far or arguments.size)
-    for name in sorted(parts, key=sizes.get, reverse=True):
-        ends = gmsh.model.getBoundary([(dim - 1, tag) for tag in parts[name]], combined=False, oriented=False, recursive=True)
-        mesh.setSize([entity for entity in ends if entity[0] == 0], sizes[name])
+    surfaces = [(arguments.layer[level] or arguments.far or arguments.size, tags) for level, tags in interfaces.items()]
+    surfaces += [(sizes[name], parts[name]) for name in sorted(parts, key=sizes.get, reverse=True)]
+    for size, tags in surfaces:
+        ends = gmsh.model.getBoundary([(dim - 1, tag) for tag in tags], combined=False, oriented=False, recursive=True)
+        mesh.setSize([entity for entity in ends if entity[0] == 0], size)
     fields = [size_near(parts[name], dim - 1, f"{size} + 0.2*F") for name, size in arguments.fine.items()]
     for name, entities in tips(parts, network).items():
         if arguments.grade and entities:
@@ -210,9 +227,9 @@ def set_sizes(parts, network, arguments):
 
 def generate(network, arguments):
     dim = len(network.low)
-    parts, rock = fragment(network)
+    parts, interfaces, rock = fragment(network, arguments.layer)
     name_groups(network, parts, rock)
-    set_sizes(parts, network, arguments)
+    set_sizes(parts, interfaces, network, arguments)
     if arguments.quads:
         gmsh.option.setNumber("Mesh.RecombineAll", 1)
     gmsh.model.mesh.generate(dim)
@@ -232,6 +249,15 @@ def named_size(text):
     return name, size
 
 
+def layer(text):
+    """Z or Z=H: the level and the size, None when not given."""
+    level, _, size = text.partition("=")
+    try:
+        return float(level), float(size) if size else None
+    except ValueError:
+        raise argparse.ArgumentTypeError(f"{text} is neither Z nor Z=H.") from None
+
+
 def parse():
     parser = argparse.ArgumentParser(prog="scripts/mesh_network", description=__doc__.split("\n")[0])
     parser.add_argument("network", type=Path, metavar="SCENE.yaml|SEGMENTS.csv",
@@ -243,6 +269,8 @@ def parse():
                         help="make cells smaller towards tips [m]: size sqrt(d/R) at the distance d, down to size^2/R (default: no)")
     parser.add_argument("--fine", type=named_size, action="append", default=[], metavar="NAME=H",
                         help="cell size on one fracture [m], from which cells grow by a fifth of the distance; may be repeated")
+    parser.add_argument("--layer", type=layer, action="append", default=[], metavar="Z[=H]",
+                        help="interface between layers at the level Z of the last axis, cells on it of size H [m] (default: --far); may be repeated")
     parser.add_argument("--box", type=float, nargs="+", help="XMIN YMIN XMAX YMAX, or six numbers in 3D [m] (default: mesh.box)")
     parser.add_argument("--refine", type=int, default=0, metavar="N", help="halve all edges N times, for meshes that are nested")
     parser.add_argument("--quads", action="store_true", help="pair triangles into quadrilaterals where it can be done well")
@@ -255,7 +283,7 @@ def parse():
         parser.error(f"--box has {len(arguments.box)} numbers; give 4 (2D) or 6 (3D).")
     if not arguments.network.exists():
         parser.error(f"{arguments.network} does not exist.")
-    arguments.fine = dict(arguments.fine)
+    arguments.fine, arguments.layer = dict(arguments.fine), dict(arguments.layer)
     return arguments
 
 

@@ -3,7 +3,6 @@
 import argparse
 from pathlib import Path
 
-import h5py
 import matplotlib
 import numpy as np
 
@@ -12,50 +11,8 @@ import matplotlib.pyplot as plt  # noqa: E402  (after the choice of backend)
 from matplotlib.collections import LineCollection, PolyCollection  # noqa: E402
 from matplotlib.colors import to_hex  # noqa: E402
 from matplotlib.lines import Line2D  # noqa: E402
-
-STATES = {0: ("open", "tab:blue"), 1: ("stick", "black"), 2: ("slip", "tab:red")}
-LABELS = {
-    "jump_tangential": "slip |[u]_t| [m]",
-    "jump_normal": "normal jump [u]_n [m]",
-    "traction_normal": "normal traction [Pa]",
-    "traction_tangential": "tangential traction [Pa]",
-    "aperture": "aperture [m]",
-    "pressure": "pressure [Pa]",
-}
-POLYLINE, POLYGON, POLYHEDRON = 2, 3, 16  # cell types of an XDMF "Mixed" topology
-
-
-class Series:
-    """One HDF5 file of a run at one output step: points, cells and fields."""
-
-    def __init__(self, file, step):
-        with h5py.File(file) as data:
-            self.points = data["points"][()]
-            self.stream = data["topology"][()]
-            steps = sorted(data["fields"], key=int)
-            if not steps:
-                raise SystemExit(f"{file}: no output step has been written.")
-            if step not in range(-1, len(steps)):
-                raise SystemExit(f"{file}: there is no step {step}; the last is {len(steps) - 1}.")
-            group = data["fields"][steps[step]]
-            self.time = group.attrs["time"]
-            self.fields = {name: table[()] for name, table in group.items()}
-
-    def is_planar(self):
-        return self.stream[0] in (POLYLINE, POLYGON)
-
-    def corners(self):
-        """Point numbers of each polygon or line."""
-        cells, at = [], 0
-        while at < len(self.stream):
-            count = self.stream[at + 1]
-            cells.append(self.stream[at + 2 : at + 2 + count])
-            at += 2 + count
-        return cells
-
-
-def magnitude(vectors):
-    return np.linalg.norm(vectors, axis=1)
+from plot_time import draw_over_time  # noqa: E402
+from results import LABELS, STATES, Series, magnitude  # noqa: E402
 
 
 def fracture_panels(fields):
@@ -261,7 +218,7 @@ def draw_3d(directory, matrix, fractures, png):
         plotter.view_isometric()
         plotter.camera.zoom(0.85)
     plotter.subplot(0, 0)
-    plotter.add_text(f"t = {matrix.time:g} s", position="upper_left", font_size=9)
+    plotter.add_text(f"t = {matrix.time:g} s", position="lower_left", font_size=9)
     plotter.screenshot(png)
 
 
@@ -270,7 +227,16 @@ def main():
     parser.add_argument("directory", type=Path, metavar="RESULT_DIR")
     parser.add_argument("-o", dest="png", type=Path, help="picture to write (default: RESULT_DIR/fields.png)")
     parser.add_argument("-step", type=int, default=-1, help="output step, from 0 (default: the last)")
+    parser.add_argument("-time", nargs="*", type=int, metavar="STEP",
+                        help="draw what the fractures do over time instead, at these output steps (default: some of all), with Mohr paths "
+                             "and curves, to RESULT_DIR/over_time.png")
+    parser.add_argument("-fracture", metavar="NAME", help="with -time, the fracture to draw (default: that with the largest slip)")
     arguments = parser.parse_args()
+    if arguments.time is not None:
+        png = arguments.png or arguments.directory / "over_time.png"
+        draw_over_time(arguments.directory, png, arguments.time, arguments.fracture)
+        print(f"wrote {png}")
+        return
     png = arguments.png or arguments.directory / "fields.png"
     files = [arguments.directory / name for name in ("matrix.h5", "fractures.h5")]
     if not files[0].exists():

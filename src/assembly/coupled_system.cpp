@@ -5,6 +5,7 @@
 #include <limits>
 
 #include "polyslip/common/mpi.hpp"
+#include "polyslip/spaces/hfv_cell.hpp"
 #include "polyslip/spaces/vem_cell.hpp"
 
 namespace polyslip::assembly {
@@ -262,8 +263,30 @@ void CoupledSystem::add_pressures(Vec q, Loads& loads) const {
   }
   std::vector<double> displacement(loads.displacement.size(), 0.0), bubble(loads.bubble.size(), 0.0);
   add_fluid_forces(state, displacement, bubble);
+  add_rest_on_faces(displacement, bubble);
   for (std::size_t i = 0; i < displacement.size(); ++i) loads.displacement[i] -= displacement[i];
   for (std::size_t i = 0; i < bubble.size(); ++i) loads.bubble[i] -= bubble[i];
+}
+
+void CoupledSystem::add_rest_on_faces(std::span<double> displacement, std::span<double> bubble) const {
+  const auto dim = static_cast<std::size_t>(layout().dim());
+  const auto change = [&](Index cell, const Vec3& x) {
+    return flow_.rock()[cell].biot * (flow_.reference_at(x) - flow_.reference()[flow_.layout().cell(cell)]);
+  };
+  for (Index f = 0; f < mesh().fractures.local(); ++f) {
+    const ContactFace& face = contact_cells().faces()[f];
+    if (face.cell < 0) continue;
+    const double push = face.area * change(contact_cells().mesh_cell(face.cell), face.centre);
+    for (std::size_t a = 0; a < dim; ++a) bubble[dim * f + a] -= push * face.frame(0, static_cast<Eigen::Index>(a));
+  }
+  if (layout().bubbles() == spaces::Bubbles::fracture) return;
+  spaces::VemCell vem(mesh().mesh, spaces::Bubbles::all);
+  for (Index cell = 0; cell < mesh().mesh.n_cells(); ++cell) {
+    vem.build(cell);
+    for (int j = vem.n_nodes(); j < vem.n_nodes() + vem.n_normals(); ++j)
+      displacement[layout().of_normal(vem.face(j))] -=
+          vem.volume() * vem.c()[j].dot(vem.normal(j)) * change(cell, spaces::face_geometry(mesh().mesh, vem.face(j)).centre);
+  }
 }
 
 void CoupledSystem::set_loads(Loads loads) {

@@ -157,15 +157,15 @@ Loads LoadAssembler::at(double time) const {
 }
 
 void LoadAssembler::add_to_unknown(const spaces::VemCell& vem, int j, const Vec3& force, Loads& loads) const {
-  const int dim = layout_.dim(), k = j - vem.n_nodes();
+  const int dim = layout_.dim();
   if (vem.is_normal(j)) {
-    loads.displacement[layout_.of_normal(vem.normal_faces()[k])] += force.dot(vem.normal(j));
+    loads.displacement[layout_.of_normal(vem.face(j))] += force.dot(vem.normal(j));
     return;
   }
   double* target = nullptr;
-  if (k < 0)
+  if (j < vem.n_nodes())
     target = &loads.displacement[layout_.of_copy(mesh_.mesh.copies_of(vem.cell())[j])];
-  else if (const Index face = fracture_of_face_[vem.bubble_faces()[k - vem.n_normals()]]; face >= 0)
+  else if (const Index face = fracture_of_face_[vem.face(j)]; face >= 0)
     target = &loads.bubble[static_cast<std::size_t>(dim) * face];
   for (int a = 0; target != nullptr && a < dim; ++a) target[a] += force[a];
 }
@@ -197,13 +197,18 @@ void LoadAssembler::add_body_force(double time, Loads& loads) const {
 }
 
 void LoadAssembler::add_initial_stress(double time, Loads& loads) const {
-  // - |K| sigma_0 : G_K v
+  // - |K| sigma_0 : G_K v, with sigma_0 in the middle of the cell for the nodes and in the middle of the face for a bubble. The bubble
+  // rows give the traction of the face, which would else be that in the cell, off by the gradient of sigma_0 times h/4 or so.
   const mesh::PolyMesh& m = mesh_.mesh;
   spaces::VemCell vem(m, layout_.bubbles());
   for (Index cell = 0; cell < m.n_cells(); ++cell) {
     vem.build(cell);
-    const Eigen::Matrix3d stress = physics::initial_stress(*problem_.initial_stress, {.x = vem.xbar(), .t = time});
-    for (int j = 0; j < vem.size(); ++j) add_to_unknown(vem, j, -vem.volume() * (stress * vem.c()[j]), loads);
+    const auto stress_at = [&](const Vec3& x) { return physics::initial_stress(*problem_.initial_stress, {.x = x, .t = time}); };
+    const Eigen::Matrix3d stress = stress_at(vem.xbar());
+    for (int j = 0; j < vem.size(); ++j) {
+      const bool node = j < vem.n_nodes();
+      add_to_unknown(vem, j, -vem.volume() * ((node ? stress : stress_at(spaces::face_geometry(m, vem.face(j)).centre)) * vem.c()[j]), loads);
+    }
   }
 }
 

@@ -68,16 +68,20 @@ std::vector<double> copy_displacements(const MechanicsSystem& system, Vec x) {
 
 FractureExtremes fracture_extremes(const MechanicsSystem& system, std::span<const FractureFaceValues> values) {
   FractureExtremes e;
-  std::array<double, 2> integrals{};
+  std::array<double, 4> integrals{};
+  const mesh::DistributedMesh& mesh = system.mesh();
   for (std::size_t f = 0; f < values.size(); ++f) {
-    const double area = system.contact_cells().faces()[f].area;
+    const double area = system.contact_cells().faces()[f].area, size = mesh.mesh.dim == 2 ? area : std::sqrt(area);
+    const auto [plus, minus] = mesh.mesh.face_cells[mesh.fracture_faces[f]];
     e.max_slip = std::max(e.max_slip, values[f].slip);
     e.max_opening = std::max(e.max_opening, -values[f].jump_normal);
     integrals[0] += area * values[f].slip;
     integrals[1] -= area * values[f].jump_normal;
+    if (values[f].slip > has_slipped * size) integrals[2] += area;
+    integrals[3] += 0.5 * (system.moduli()[plus].mu + system.moduli()[minus].mu) * area * values[f].slip;
   }
-  mpi::sum_in_place(system.mesh().comm, integrals);
-  return {mpi::max(system.mesh().comm, e.max_slip), mpi::max(system.mesh().comm, e.max_opening), integrals[0], integrals[1]};
+  mpi::sum_in_place(mesh.comm, integrals);
+  return {mpi::max(mesh.comm, e.max_slip), mpi::max(mesh.comm, e.max_opening), integrals[0], integrals[1], integrals[2], integrals[3]};
 }
 
 Vec3 PointProbe::displacement(const MechanicsSystem& system, Vec x) const {

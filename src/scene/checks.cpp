@@ -247,6 +247,9 @@ void check_document(const Cursor& root) {
   check_initial(root);
   check_time(root["time"]);
   check_unique(root["output"]["probes"].entries(), "name");
+  check_unique(root["output"]["windows"].entries(), "name");
+  if (root["output"]["windows"] && !root["contact"])
+    refuse(root["output"]["windows"], "there is no contact to record", "Remove the key, or give fractures and moduli");
 }
 
 MeshNames names_of(const mesh::BoxSpec& box) {
@@ -320,6 +323,8 @@ void check_names(const Scene& scene, const MeshNames& mesh) {
   if (scene.has_mechanics) check_contact_names(scene, mesh);
   if (scene.flow) check_flow_names(scene, mesh);
   for (const Probe& probe : scene.output.probes) check_inside("probe", probe.at, mesh, probe.place);
+  for (const Window& window : scene.output.windows)
+    if (!window.rule.fracture.empty()) check_fracture(window.rule.fracture, fracture_names(scene, mesh), window.place);
 }
 
 void check_against_mesh(const Scene& scene, const mesh::PolyMesh& mesh) {

@@ -63,6 +63,7 @@ void add_contact(FieldSet& set, const Model& model, const std::vector<assembly::
   set.add_vectors("traction_tangential", on, faces, [](const Values& v) { return v.traction_tangential; });
   set.add_each("jump_normal", on, faces, [](const Values& v) { return v.jump_normal; });
   set.add_vectors("jump_tangential", on, faces, [](const Values& v) { return v.jump_tangential; });
+  set.add_each("slip", on, faces, [](const Values& v) { return v.slip; });
   const auto contact = model.mechanics()->contact_cells().faces().first(faces.size());
   set.add_each("friction_coefficient", on, contact, [](const auto& face) { return face.law.friction; });
 }

@@ -192,6 +192,10 @@ Output read_output(const Cursor& output) {
   result.every = static_cast<int>(output["every"].number());
   for (const Cursor& probe : output["probes"].entries())
     result.probes.push_back({.name = probe["name"].text(), .at = probe["at"].point(), .place = probe.where()});
+  for (const Cursor& window : output["windows"].entries())
+    result.windows.push_back({.name = window["name"].text(),
+                              .rule = {.fracture = window["fracture"].text(), .where = window["where"].optional_expression()},
+                              .place = window.where()});
   return result;
 }
 

@@ -1,22 +1,35 @@
 #include "polyslip/scene/tables.hpp"
 
+#include <fmt/format.h>
+
+#include <array>
+
+#include "polyslip/common/error.hpp"
 #include "polyslip/common/mpi.hpp"
 
 namespace polyslip::scene {
 
 namespace {
 
+/// Behind the name of a window, in the order of Tables::add_windows.
+constexpr std::array window_columns{"_normal",   "_tangential", "_slip",           "_pressure",
+                                    "_aperture", "_ratio",      "_nearest_normal", "_nearest_tangential"};
+
 std::vector<std::string> history_columns(const Scene& scene) {
   std::vector<std::string> columns{"step",  "time", "step_size", "newton",      "krylov",        "open",
-                                   "stick", "slip", "max_slip",  "max_opening", "slip_integral", "opening_integral"};
+                                   "stick", "slip", "max_slip",  "max_opening", "slip_integral", "opening_integral",
+                                   "slipped_area", "seismic_moment"};
   for (const Probe& probe : scene.output.probes)
     for (const char* c : {"_ux", "_uy", "_uz"})
       if (scene.has_mechanics) columns.push_back(probe.name + c);
-  if (!scene.flow) return columns;
-  const auto books = Model::book_names(scene);
-  columns.insert(columns.end(), books.begin(), books.end());
-  columns.insert(columns.end(), {"min_pressure", "mean_pressure", "max_pressure"});
-  for (const Probe& probe : scene.output.probes) columns.push_back(probe.name + "_p");
+  if (scene.flow) {
+    const auto books = Model::book_names(scene);
+    columns.insert(columns.end(), books.begin(), books.end());
+    columns.insert(columns.end(), {"min_pressure", "mean_pressure", "max_pressure"});
+    for (const Probe& probe : scene.output.probes) columns.push_back(probe.name + "_p");
+  }
+  for (const Window& window : scene.output.windows)
+    for (const char* column : window_columns) columns.push_back(window.name + column);
   return columns;
 }
 
@@ -46,6 +59,12 @@ Tables::Tables(const mesh::DistributedMesh& mesh, const Scene& scene, const std:
     if (has_mechanics_) displacement_probes_.emplace_back(mesh, probe.at);
     if (has_flow_) pressure_probes_.emplace_back(mesh, probe.at);
   }
+  for (const Window& window : scene.output.windows) {
+    windows_.emplace_back(mesh, window.rule);
+    if (windows_.back().area() == 0)
+      throw InputError(fmt::format("the window \"{}\" holds no fracture face", window.name), window.place,
+                       "Choose a where that is non-zero at centres of fracture faces");
+  }
   mpi::on_root(mesh.comm, [&] {
     history_ = io::CsvTable(directory / "history.csv", history_columns(scene), kept_steps);
     newton_ = io::CsvTable(directory / "newton.csv", newton_columns, kept_steps);
@@ -65,7 +84,9 @@ void Tables::step(const Model& model, const solver::StepRecord& record, const St
                           figures.extremes.max_slip,
                           figures.extremes.max_opening,
                           figures.extremes.slip_integral,
-                          figures.extremes.opening_integral};
+                          figures.extremes.opening_integral,
+                          figures.extremes.slipped_area,
+                          figures.extremes.seismic_moment};
   for (const assembly::PointProbe& probe : displacement_probes_) {
     const Vec3 u = probe.displacement(*model.mechanics(), model.displacement().trial);
     row.insert(row.end(), {u[0], u[1], u[2]});
@@ -76,7 +97,19 @@ void Tables::step(const Model& model, const solver::StepRecord& record, const St
   }
   for (const assembly::PressureProbe& probe : pressure_probes_)
     row.push_back(probe.pressure(*model.flow(), model.pressure().trial));
+  if (!windows_.empty()) add_windows(model, figures, row);
   history_.row(row);
+}
+
+void Tables::add_windows(const Model& model, const StepFigures& figures, std::vector<double>& row) const {
+  std::vector<double> pressures;
+  if (has_flow_) pressures = assembly::fracture_pressures(*model.flow(), model.pressure().trial);
+  const std::vector<double> apertures = model.apertures();
+  for (const assembly::FractureWindow& window : windows_) {
+    const auto v = window.values(*model.mechanics(), figures.fractures, pressures, apertures);
+    row.insert(row.end(), {v.traction_normal, v.traction_tangential, v.slip, v.pressure, v.aperture, v.nearest_ratio, v.nearest_normal,
+                           v.nearest_tangential});
+  }
 }
 
 void Tables::newton(int step, const solver::NewtonRecord& r) {

@@ -53,7 +53,11 @@ TimeStepper::Target TimeStepper::target() const {
   return {state_.time + size, keeps_marks ? end : state_.time + size};
 }
 
-void TimeStepper::grow(double tried, int newton) {
+void TimeStepper::adapt(double tried, int newton) {
+  if (newton > hard && state_.size > span_.step) {
+    state_.size = std::max(span_.step, 0.5 * state_.size);
+    return;
+  }
   if (tried < 0.5 * state_.size) return;  // a step shortened to end somewhere tells nothing of longer ones
   if (state_.size < span_.step)
     state_.size = std::min(span_.step, 2 * state_.size);
@@ -68,7 +72,7 @@ void TimeStepper::accept(double to, const StepOutcome& outcome) {
   state_.time = to;
   ++state_.accepted;
   state_.newton_max = std::max(state_.newton_max, outcome.newton);
-  grow(record.size, outcome.newton);
+  adapt(record.size, outcome.newton);
   if (accepted) accepted(record);
 }
 

@@ -13,6 +13,7 @@ HISTORY = {
     "step": (0, 0), "time": (1e-14, 0), "step_size": (1e-14, 0), "newton": (0, 0), "krylov": (0, 6),
     "open": (0, 0), "stick": (0, 0), "slip": (0, 0), "max_slip": (1e-7, 0), "max_opening": (0, 1e-12),
     "slip_integral": (1e-7, 0), "opening_integral": (0, 1e-12),
+    "slipped_area": (1e-12, 0), "seismic_moment": (1e-7, 0),
 }
 NEWTON = {
     "step": (0, 0), "iteration": (0, 0), "residual_momentum": (1e-5, 1e-9), "residual_contact": (1e-5, 1e-9),

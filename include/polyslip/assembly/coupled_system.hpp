@@ -82,6 +82,8 @@ class CoupledSystem final : public MechanicsSystem {
   void visit_bulk_pu(const Visit& add) const;
   void visit_blocks(MatrixContent content, const std::array<const Visit*, 3>& add) const;
   void add_fluid_forces(const MechanicalState& state, std::span<double> displacement, std::span<double> bubble) const;
+  /// Of p_ref in the rows of bubbles: what it is on their faces more than in the middle of the cell, as with the initial stress.
+  void add_rest_on_faces(std::span<double> displacement, std::span<double> bubble) const;
   [[nodiscard]] double aperture(Index face, const Vec3& jump) const;
   /// b|K| div_K u of owned cells and |sigma| d_f of owned fracture faces.
   void volumes(const MechanicalState& state, std::vector<double>& cells, std::vector<double>& faces) const;

@@ -40,11 +40,15 @@ std::vector<double> cell_stresses(const MechanicsSystem& system, Vec x);
 /// Displacements of the owned copies [m], three components each.
 std::vector<double> copy_displacements(const MechanicsSystem& system, Vec x);
 
-/// Largest slip |[u]_t| and opening max(0, -[u]_n) over all ranks [m].
+/// Largest slip |[u]_t - [u]_t^0| and opening max(0, -[u]_n), and sums over all fractures; over all ranks.
 struct FractureExtremes {
   double max_slip = 0, max_opening = 0;            ///< [m]
-  double slip_integral = 0, opening_integral = 0;  ///< Over all fractures [m3; 2D: m2].
+  double slip_integral = 0, opening_integral = 0;  ///< [m3; 2D: m2]
+  double slipped_area = 0;                         ///< Of faces whose slip is more than has_slipped of their size [m2; 2D: m].
+  double seismic_moment = 0;                       ///< Of mu |slip|, mu the mean of both sides [N m; 2D: N].
 };
+/// Slip over the square root of a face's area (2D: its length), far above what Newton's method leaves and below what matters.
+inline constexpr double has_slipped = 1e-9;
 FractureExtremes fracture_extremes(const MechanicsSystem& system, std::span<const FractureFaceValues> values);
 
 /// Pi_K u at a point, on all ranks [m]: of the cell that holds the point, or comes closest to it.

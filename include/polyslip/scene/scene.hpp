@@ -7,6 +7,7 @@
 #include <string>
 #include <vector>
 
+#include "polyslip/assembly/fracture_window.hpp"
 #include "polyslip/mesh/fractures.hpp"
 #include "polyslip/mesh/generators.hpp"
 #include "polyslip/physics/flow_problem.hpp"
@@ -30,10 +31,18 @@ struct Probe {
   std::string place;
 };
 
+/// A named part of the fractures of which history.csv records means.
+struct Window {
+  std::string name;
+  assembly::WindowRule rule;
+  std::string place;
+};
+
 struct Output {
   int every = 1;  ///< Fields are written after every so many accepted steps, and always after the last.
   int checkpoint_every = 0;  ///< A checkpoint is written after every so many accepted steps; 0: at the end and when stopped.
   std::vector<Probe> probes;
+  std::vector<Window> windows;
 };
 
 struct Scene {

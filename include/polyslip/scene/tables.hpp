@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "polyslip/assembly/flow_fields.hpp"
+#include "polyslip/assembly/fracture_window.hpp"
 #include "polyslip/assembly/mechanics_fields.hpp"
 #include "polyslip/io/csv.hpp"
 #include "polyslip/scene/model.hpp"
@@ -24,7 +25,7 @@ struct StepFigures {
 StepFigures figures_of(const Model& model);
 
 /// Columns of history.csv: step, time, sizes, iterations, contact; displacements at the probes; books, pressures, pressures at the
-/// probes. Those of mechanics, or of flow, are there where the scene has it.
+/// probes; windows. Those of mechanics, or of flow, are there where the scene has it.
 class Tables {
  public:
   /// Replaces files of an earlier run; with `kept_steps`, goes on behind their rows up to that step.
@@ -35,9 +36,12 @@ class Tables {
   void newton(int step, const solver::NewtonRecord& record);
 
  private:
+  void add_windows(const Model& model, const StepFigures& figures, std::vector<double>& row) const;
+
   bool has_mechanics_, has_flow_;
   std::vector<assembly::PointProbe> displacement_probes_;
   std::vector<assembly::PressureProbe> pressure_probes_;
+  std::vector<assembly::FractureWindow> windows_;
   io::CsvTable history_, newton_;  ///< Of rank 0; those of other ranks write nothing.
 };
 

@@ -62,10 +62,10 @@ struct StepperResult {
 
 /// Steps from span.start to span.end, at first of size span.step. A step that fails is cut in half, down to span.smallest_step;
 /// after a success sizes double until they are back at span.step, and then grow by half, up to span.largest_step, as long as Newton
-/// needs at most `easy` iterations.
+/// needs at most `easy` iterations; where it needs more than `hard`, sizes beyond span.step are halved, down to span.step.
 class TimeStepper {
  public:
-  static constexpr int easy = 4;
+  static constexpr int easy = 4, hard = 6;
 
   TimeStepper(StepProblem& problem, const physics::TimeSpan& span);
 
@@ -89,7 +89,7 @@ class TimeStepper {
   [[nodiscard]] double next_mark() const;
   [[nodiscard]] double next_fixed() const;
   void accept(double to, const StepOutcome& outcome);
-  void grow(double tried, int newton);
+  void adapt(double tried, int newton);
   StepperResult give_up(double to, const StepOutcome& outcome) const;
 
   StepProblem& problem_;

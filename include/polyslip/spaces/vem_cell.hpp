@@ -41,6 +41,11 @@ class VemCell {
     return mesh_.dim * (j - before) + before;
   }
   [[nodiscard]] bool is_normal(int j) const { return j >= n_nodes_ && j < n_nodes_ + n_normals(); }
+  /// Mesh face of a bubble, along the normal or not.
+  [[nodiscard]] Index face(int j) const {
+    const auto k = static_cast<std::size_t>(j - n_nodes_);
+    return is_normal(j) ? normal_faces_[k] : bubble_faces_[k - normal_faces_.size()];
+  }
   [[nodiscard]] const Vec3& normal(int j) const { return normals_[static_cast<std::size_t>(j - n_nodes_)]; }  ///< n_sigma of such a j.
   [[nodiscard]] double volume() const { return volume_; }      ///< |K| [m^d]
   [[nodiscard]] double diameter() const { return diameter_; }  ///< h_K [m]

@@ -194,7 +194,14 @@ TEST(refusals, of_times_and_probes_name_them) {
                             {"end: 1", "start: 2", ", default (time.end)", "the run ends at 1 s where it starts at 2 s"},
                             {"at: [0, 0]", "at: [0, 2]", ":11 (output.probes[0])",
                              "lies outside the mesh. Choose a point between (0, 0, 0) and (1, 1, 0)"},
-                            {"at: [0, 0]}", "at: [0, 0]}, {name: a, at: [1, 1]}", ":11 (output.probes[1].name)", "already taken"}});
+                            {"at: [0, 0]}", "at: [0, 0]}, {name: a, at: [1, 1]}", ":11 (output.probes[1].name)", "already taken"},
+                            {"probes: [{name: a, at: [0, 0]}]", "windows: [{name: a}, {name: a}]", ":11 (output.windows[1].name)",
+                             "already taken"},
+                            {"probes: [{name: a, at: [0, 0]}]", "windows: [{name: a, fracture: carck}]", ":11 (output.windows[0])",
+                             "there is no fracture \"carck\". Did you mean \"crack\"?"},
+                            {"probes: [{name: a, at: [0, 0]}]", "windows: [{name: a, where: t}]", ":11 (output.windows[0].where)", "t"}});
+  expect_refusals(smallest + "output: {every: 1}\n",
+                  {{"every: 1", "windows: [{name: a}]", ":7 (output.windows)", "there is no contact to record"}});
 }
 
 TEST(refusals, of_yaml_name_the_line) {

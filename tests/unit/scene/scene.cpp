@@ -48,7 +48,10 @@ contact:
   formulation: saddle
   beta_scale: 10
 time: {start: 1, end: 5, step: 0.5}
-output: {every: 2, probes: [{name: middle, at: [0, 0.5, 0]}]}
+output:
+  every: 2
+  probes: [{name: middle, at: [0, 0.5, 0]}]
+  windows: [{name: whole}, {name: part, fracture: tilted, where: z > 0.5}]
 exact:
   displacement: [x, y, P]
   gradient: [[1, 0, 0], [0, 1, 0], [0, 0, "4*z^3"]]
@@ -74,6 +77,12 @@ TEST(scenes, fill_every_struct) {
   EXPECT_EQ(scene.output.every, 2);
   ASSERT_EQ(scene.output.probes.size(), 1U);
   EXPECT_EQ(scene.output.probes[0].at, Vec3(0, 0.5, 0));
+  ASSERT_EQ(scene.output.windows.size(), 2U);
+  EXPECT_EQ(scene.output.windows[0].name, "whole");
+  EXPECT_EQ(scene.output.windows[0].rule.fracture, "");
+  EXPECT_FALSE(scene.output.windows[0].rule.where);
+  EXPECT_EQ(scene.output.windows[1].rule.fracture, "tilted");
+  EXPECT_EQ((*scene.output.windows[1].rule.where)({.x = Vec3(0, 0, 1)}), 1);
 }
 
 TEST(scenes, fill_the_box) {

@@ -160,6 +160,27 @@ TEST(time_stepper, grows_beyond_the_step_while_newton_finds_it_easy) {
   for (std::size_t k = 1; k < sizes.size(); ++k) EXPECT_GE(sizes[k], 0.5 * sizes[k - 1] - 1e-9);
 }
 
+TEST(time_stepper, halves_steps_that_newton_finds_hard_down_to_the_scenes_step) {
+  physics::TimeSpan of = span(100, 1);
+  of.largest_step = 8;
+  Recorder problem;
+  problem.converges = [&](double from, double) {
+    problem.newton = from < 40 ? 1 : from < 60 ? TimeStepper::hard : TimeStepper::hard + 1;
+    return true;
+  };
+  TimeStepper(problem, of).run();
+  const auto sizes = problem.sizes();
+  std::vector<double> hard;
+  for (std::size_t k = 1; k < sizes.size(); ++k) {
+    const double start = problem.times[k - 1];
+    EXPECT_TRUE(start < 40 || start >= 60 || std::abs(sizes[k] - 8) < 1e-9) << start;
+    if (start >= 60) hard.push_back(sizes[k]);
+  }
+  ASSERT_GT(hard.size(), 20U);
+  expect_near({hard.begin(), hard.begin() + 3}, {8, 4, 2});
+  for (std::size_t k = 3; k < hard.size(); ++k) EXPECT_LE(hard[k], 1 + 1e-9);
+}
+
 TEST(time_stepper, tells_the_end_of_the_scenes_step) {
   Recorder problem;
   problem.converges = [](double from, double to) { return from >= 1 || to - from < 0.6; };
