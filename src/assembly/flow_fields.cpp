@@ -26,11 +26,13 @@ class Gradients {
           q_, system_.layout().trace(mesh.flow.face_traces[face][mesh.mesh.face_cells[face][0] == cell ? 0 : 1])));
     return hfv_.gradient(q_[system_.layout().cell(cell)], faces_);
   }
-  Vec3 in_fracture_face(Index f) {
+  /// V_f = 1/|sigma| sum_e F_{sigma e} (x_e - x_sigma), which is -(C_f/eta) G_sigma q where no ridge is sealed.
+  Vec3 flux_in_fracture_face(Index f) {
     hfv_.build_fracture_face(system_.mesh().fracture_faces[f]);
-    faces_.clear();
-    for (Index ridge : system_.mesh().flow.fracture_ridges[f]) faces_.push_back(q_[system_.layout().ridge(ridge)]);
-    return hfv_.gradient(q_[system_.layout().fracture(f)], faces_);
+    system_.fluxes().ridge_fluxes(f, q_, faces_);
+    Vec3 moment = Vec3::Zero();
+    for (int e = 0; e < hfv_.size(); ++e) moment += faces_[e] * (hfv_.faces()[e].centre - hfv_.centre());
+    return moment / hfv_.measure();
   }
   [[nodiscard]] const spaces::HfvCell& element() const { return hfv_; }
   [[nodiscard]] double cell_value(Index cell) const { return q_[system_.layout().cell(cell)]; }
@@ -93,7 +95,7 @@ std::vector<double> fracture_fluxes(const FlowSystem& system, Vec q) {
   Gradients gradients(system, q);
   std::vector<double> fluxes;
   for (Index f = 0; system.layout().with_fractures() && f < system.mesh().fractures.owned; ++f)
-    append(fluxes, -system.conductivities()[f].along * gradients.in_fracture_face(f));
+    append(fluxes, gradients.flux_in_fracture_face(f));
   return fluxes;
 }
 

@@ -246,6 +246,7 @@ void read_fracture(const Cursor& entry, physics::FractureFlowRule& rule) {
   if (entry["contact_aperture"]) rule.contact_aperture = entry["contact_aperture"].expression();
   if (entry["permeability"]) rule.permeability = entry["permeability"].expression();
   if (entry["normal_permeability"]) rule.normal_permeability = entry["normal_permeability"].expression();
+  if (entry["barrier"]) rule.barrier = entry["barrier"].is_true();
   if (entry["dilation"]) rule.dilation = entry["dilation"].expression();
   if (entry["dilation_angle"]) rule.dilation = entry["dilation_angle"].expression_within("tan(pi/180*(", "))");
 }

@@ -409,6 +409,11 @@ std::vector<Key> make_keys() {
        .help = "Dilation angle, in place of dilation.",
        .range = {.low = 0, .high = 90, .or_equal = true},
        .uses = Uses::fracture},
+      {.path = "flow.fractures.fractures[].barrier",
+       .kind = choice,
+       .standard = "false",
+       .help = "Whether it interrupts the flow along the fractures that it meets; else these conduct through crossings.",
+       .choices = {"true", "false"}},
 
       {.path = "initial", .kind = group, .standard = "(there with flow and mechanics)", .help = "The state at time.start."},
       {.path = "initial.equilibrium",

@@ -31,6 +31,7 @@ struct FractureFlowRule {
   std::optional<Expression> permeability;          ///< Tangential K_f [m2], C_f = K_f d_f; d_f^2/12 (cubic law) where not given.
   std::optional<Expression> normal_permeability;   ///< K_fn [m2], T_f = 2 K_fn/(eta d_f); d_f^2/12 where not given.
   Expression dilation;                             ///< tan(psi) [-]: d_f = d_f^c - [u]_n + tan(psi) |[u]_t - [u]_t^0|
+  bool barrier = false;                            ///< It interrupts the flow along the fractures that it meets or crosses.
   std::string place;
 };
 

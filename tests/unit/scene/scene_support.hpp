@@ -54,7 +54,7 @@ flow:
     contact_aperture: 1e-4*sqrt(tip_distance/fracture_length)
     dilation_angle: 3
     fractures:
-      - {name: joint, permeability: 1e-9, normal_permeability: 1e-12, dilation: 0}
+      - {name: joint, permeability: 1e-9, normal_permeability: 1e-12, dilation: 0, barrier: true}
 initial: {stress: {yy: -1e6*(1 - y), xy: 2e5}}
 time: {start: 0, end: 100, step: 10, smallest_step: 0.1, largest_step: 20, outputs: [25, 75.5]}
 output: {every: 4, checkpoint_every: 3}
