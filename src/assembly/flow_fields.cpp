@@ -1,5 +1,6 @@
 #include "polyslip/assembly/flow_fields.hpp"
 
+#include <algorithm>
 #include <cmath>
 #include <limits>
 
@@ -112,6 +113,47 @@ PressureExtremes pressure_extremes(const FlowSystem& system, Vec q) {
   }
   mpi::sum_in_place(comm, sums);
   return {mpi::min(comm, low), mpi::max(comm, high), sums[0] / sums[1]};
+}
+
+std::vector<std::string> boundary_names(const physics::FlowProblem& problem) {
+  std::vector<std::string> names;
+  for (const physics::FlowBoundaryRule& rule : problem.boundary)
+    if (!rule.name.empty() && std::ranges::find(names, rule.name) == names.end()) names.push_back(rule.name);
+  return names;
+}
+
+std::vector<BoundaryFigures> boundary_figures(const FlowSystem& system, Vec q) {
+  const std::vector<std::string> names = boundary_names(system.problem());
+  if (names.empty()) return {};
+  const mesh::DistributedMesh& mesh = system.mesh();
+  const FlowLayout& layout = system.layout();
+  const FlowLoadAssembler& loads = system.load_assembler();
+  la::Handle<Vec> fluxes = layout.create_vector();
+  POLYSLIP_PETSC(MatMult(system.fluxes().matrix(), q, fluxes));
+  const VecRead flux(fluxes), values(q);
+  std::vector<double> sums(3 * names.size());  // of each name: outflow, integral of the pressure, area
+  const auto sums_of = [&](Index rule) -> double* {
+    if (rule < 0) return nullptr;
+    const auto found = std::ranges::find(names, system.problem().boundary[rule].name);
+    return found == names.end() ? nullptr : &sums[3 * static_cast<std::size_t>(found - names.begin())];
+  };
+  const auto outflow = [&](Index i) { return system.fixed()[i] ? -flux[i] : -system.loads().sources[i]; };
+  for (Index face = 0; face < mesh.mesh.n_faces(); ++face) {
+    double* own = sums_of(loads.face_rules()[face]);
+    const Index trace = own == nullptr ? layout.size() : layout.trace(mesh.flow.face_traces[face][0]);
+    if (trace >= layout.size()) continue;
+    const double area = spaces::face_geometry(mesh.mesh, face).area;
+    own[0] += outflow(trace);
+    own[1] += area * (values[trace] + system.reference()[trace]);
+    own[2] += area;
+  }
+  for (Index r = 0; layout.with_fractures() && r < mesh.flow.ridges.owned; ++r)
+    if (double* own = sums_of(loads.fixed_rules()[layout.ridge(r)])) own[0] += outflow(layout.ridge(r));
+  mpi::sum_in_place(mesh.comm, sums);
+  std::vector<BoundaryFigures> figures;
+  for (std::size_t k = 0; k < sums.size(); k += 3)
+    figures.push_back({sums[k], sums[k + 2] > 0 ? sums[k + 1] / sums[k + 2] : 0});  // a later rule may have taken all faces
+  return figures;
 }
 
 double PressureProbe::pressure(const FlowSystem& system, Vec q) const {

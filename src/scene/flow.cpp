@@ -214,6 +214,8 @@ void read_material(const Cursor& entry, std::vector<physics::HydraulicRule>& rul
 void read_boundary_rule(const Cursor& entry, std::vector<physics::FlowBoundaryRule>& rules) {
   for (const Cursor& on : entry["on"].entries())
     rules.push_back({.tag = on.text(),
+                     .name = entry["name"].text(),
+                     .where = entry["where"].optional_expression(),
                      .pressure = entry["pressure"].optional_expression(),
                      .flux = entry["flux"].optional_expression(),
                      .place = on.where()});

@@ -16,6 +16,8 @@ std::vector<std::string> history_columns(const Scene& scene) {
   const auto books = Model::book_names(scene);
   columns.insert(columns.end(), books.begin(), books.end());
   columns.insert(columns.end(), {"min_pressure", "mean_pressure", "max_pressure"});
+  for (const std::string& name : assembly::boundary_names(*scene.flow))
+    for (const char* c : {"_outflow", "_pressure"}) columns.push_back(name + c);
   for (const Probe& probe : scene.output.probes) columns.push_back(probe.name + "_p");
   return columns;
 }
@@ -73,6 +75,8 @@ void Tables::step(const Model& model, const solver::StepRecord& record, const St
   if (has_flow_) {
     row.insert(row.end(), figures.books->values.begin(), figures.books->values.end());
     row.insert(row.end(), {figures.pressure->min, figures.pressure->mean, figures.pressure->max});
+    for (const auto& [outflow, pressure] : assembly::boundary_figures(*model.flow(), model.pressure().trial))
+      row.insert(row.end(), {outflow, pressure});
   }
   for (const assembly::PressureProbe& probe : pressure_probes_)
     row.push_back(probe.pressure(*model.flow(), model.pressure().trial));

@@ -28,6 +28,16 @@ struct PressureExtremes {
 };
 PressureExtremes pressure_extremes(const FlowSystem& system, Vec q);
 
+/// Of the boundary faces whose rules share a name.
+struct BoundaryFigures {
+  double outflow = 0;   ///< Through the rock and the fractures that end there [m3/s; 2D: m2/s].
+  double pressure = 0;  ///< Mean p_sigma of the rock [Pa].
+};
+/// The names of boundary rules, each once, in their order.
+std::vector<std::string> boundary_names(const physics::FlowProblem& problem);
+/// Of each of these names, over all ranks. Collective.
+std::vector<BoundaryFigures> boundary_figures(const FlowSystem& system, Vec q);
+
 /// p_K + G_K q.(x - x_K) at a point, on all ranks [Pa]: of the cell that holds the point, or comes closest to it. Collective.
 class PressureProbe {
  public:

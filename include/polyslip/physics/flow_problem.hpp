@@ -35,9 +35,11 @@ struct FractureFlowRule {
   std::string place;
 };
 
-/// Conditions on boundary faces of one tag, or "all"; a later rule wins. Faces that no rule speaks of let no fluid through.
+/// Conditions on boundary faces of one tag, or "all", where `where` at their centre is not zero; a later rule wins. Faces that no rule speaks of let no fluid through.
 struct FlowBoundaryRule {
   std::string tag;
+  std::string name;                   ///< What goes through its faces is recorded under this name; empty: it is not.
+  std::optional<Expression> where;
   std::optional<Expression> pressure;  ///< p [Pa]; fractures that reach the boundary there take it too.
   std::optional<Expression> flux;      ///< V.n [m/s], outward (injection is negative); into the rock only.
   std::string place;

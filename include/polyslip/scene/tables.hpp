@@ -23,8 +23,8 @@ struct StepFigures {
 /// All but the books.
 StepFigures figures_of(const Model& model);
 
-/// Columns of history.csv: step, time, sizes, iterations, contact; displacements at the probes; books, pressures, pressures at the
-/// probes. Those of mechanics, or of flow, are there where the scene has it.
+/// Columns of history.csv: step, time, sizes, iterations, contact; displacements at the probes; books, pressures, outflow and
+/// pressure of named parts of the boundary, pressures at the probes. Those of mechanics, or of flow, are there where the scene has it.
 class Tables {
  public:
   /// Replaces files of an earlier run; with `kept_steps`, goes on behind their rows up to that step.

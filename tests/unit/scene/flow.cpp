@@ -78,6 +78,9 @@ TEST(flow_scenes, fill_the_flow_problem) {
   EXPECT_FALSE(flow.boundary[1].flux);
   EXPECT_EQ(flow.boundary[2].tag, "right");
   EXPECT_EQ((*flow.boundary[2].flux)(at), -1e-6);
+  EXPECT_EQ(flow.boundary[2].name, "inlet");
+  EXPECT_EQ((*flow.boundary[2].where)(at), 0);
+  EXPECT_FALSE(flow.boundary[1].where);
 }
 
 TEST(flow_scenes, list_sources_then_wells) {

@@ -43,7 +43,7 @@ flow:
   reference_pressure: 1e4*(1 - y)
   boundary:
     - {on: [left, top], pressure: 1e5*t}
-    - {on: right, flux: -1e-6}
+    - {on: right, name: inlet, where: y > 0.5, flux: -1e-6}
   sources:
     - {region: rock, rate: 1e-9}
     - {fracture: all, rate: tip_distance}

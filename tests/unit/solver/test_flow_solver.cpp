@@ -142,6 +142,27 @@ TEST(flow_crossings, conduct_along_fractures_but_where_a_barrier_takes_part) {
   }
 }
 
+TEST_P(flow_patches, named_parts_of_the_boundary_tell_their_outflow_and_mean_pressure) {
+  // Linear pressure 2 + g.x along a fracture through the box that takes part in the flow.
+  const Vec3 g(0, -1.3, 0);
+  FlowProblem problem = flow_problem(dim_);
+  problem.materials = {rock(Eigen::Matrix3d(4e-3 * Eigen::Matrix3d::Identity()))};
+  problem.fractures = {fracture("0.1", 0.5, 1.0)};
+  problem.boundary = {given_pressure("all", linear(2, g)), given_pressure("all", linear(2, g)), given_flux("all", "-4e-3*1.3/2e-3")};
+  problem.boundary[1].name = "end";
+  problem.boundary[1].where = expression("y > 1 - 1e-9");
+  problem.boundary[2].name = "half";
+  problem.boundary[2].where = expression("y < 1e-9 && x < 0.5");
+  FlowScene scene([shape = GetParam()] { return fractured_box(shape, 4, 0, 1); }, problem);
+  solve(scene);
+  EXPECT_EQ(assembly::boundary_names(scene.problem), (std::vector<std::string>{"end", "half"}));
+  const auto figures = assembly::boundary_figures(*scene.system, scene.q);
+  EXPECT_NEAR(figures[0].outflow, 1.3 / viscosity * (4e-3 + 0.5 * 0.1), 1e-10) << "rock and fracture";
+  EXPECT_NEAR(figures[0].pressure, 0.7, 1e-12);
+  EXPECT_NEAR(figures[1].outflow, -1.3 / viscosity * 4e-3 / 2, 1e-12);
+  EXPECT_NEAR(figures[1].pressure, 2, 1e-12);
+}
+
 /// A transient problem with all that there is: crossing fractures with tips, wells, sources, boundary pressures and fluxes.
 FlowProblem busy(int dim) {
   FlowProblem problem = flow_problem(dim, false);
