@@ -156,9 +156,13 @@ std::vector<BoundaryFigures> boundary_figures(const FlowSystem& system, Vec q) {
   return figures;
 }
 
-double PressureProbe::pressure(const FlowSystem& system, Vec q) const {
+std::vector<double> PressureProbes::pressures(const FlowSystem& system, Vec q) const {
   Gradients gradients(system, q);
-  return mpi::sum(system.mesh().comm, cell_ >= 0 ? gradients.pressure(cell_, at_) : 0.0);
+  std::vector<double> values(points_.size(), 0.0);
+  for (std::size_t k = 0; k < points_.size(); ++k)
+    if (cells_[k].local >= 0) values[k] = gradients.pressure(cells_[k].local, points_[k]);
+  mpi::sum_in_place(system.mesh().comm, values);
+  return values;
 }
 
 FlowErrorNorms flow_error_norms(const FlowSystem& system, const physics::ExactFlow& exact, double time, Vec q) {

@@ -1,8 +1,10 @@
 #include "polyslip/assembly/point_location.hpp"
 
+#include <Eigen/Geometry>
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <numeric>
 
 #include "polyslip/common/mpi.hpp"
 #include "polyslip/spaces/hfv_cell.hpp"
@@ -47,14 +49,40 @@ double extent(const mesh::DistributedMesh& mesh) {
   return mpi::max(mesh.comm, longest);
 }
 
-/// Largest distance beyond the planes of the cell's faces; at most 0 inside a convex cell.
-double distance_outside(const mesh::PolyMesh& m, Index cell, const Vec3& at) {
-  double outside = -std::numeric_limits<double>::infinity();
+/// The planes of a cell's faces, normals outwards.
+void planes_of(const mesh::PolyMesh& m, Index cell, std::vector<Eigen::Hyperplane<double, 3>>& planes) {
+  planes.clear();
   for (Index face : m.cell_faces[cell]) {
     const auto geometry = spaces::face_geometry(m, face);
-    outside = std::max(outside, m.orientation(cell, face) * geometry.normal.dot(at - geometry.centre));
+    planes.emplace_back(m.orientation(cell, face) * geometry.normal, geometry.centre);
   }
-  return outside;
+}
+
+Eigen::AlignedBox3d bounds_of(const mesh::PolyMesh& m, Index cell) {
+  Eigen::AlignedBox3d box;
+  for (Index face : m.cell_faces[cell])
+    for (Index node : m.face_nodes[face]) box.extend(m.nodes[node]);
+  return box;
+}
+
+/// Offers each owned cell to the searches for those `chosen` points that its bounds hold, which are widened by `slack`. Its distance
+/// is the largest beyond the planes of its faces, at least 0: 0 inside a convex cell.
+void offer_cells(const mesh::DistributedMesh& mesh, std::span<const Vec3> points, std::span<const std::size_t> chosen, double slack,
+                 std::vector<Search>& searches) {
+  std::vector<Eigen::Hyperplane<double, 3>> planes;
+  for (Index cell = 0; cell < mesh.cells.owned; ++cell) {
+    planes.clear();
+    Eigen::AlignedBox3d box = bounds_of(mesh.mesh, cell);
+    box.min().array() -= slack;
+    box.max().array() += slack;
+    for (const std::size_t k : chosen) {
+      if (!box.contains(points[k])) continue;
+      if (planes.empty()) planes_of(mesh.mesh, cell, planes);
+      double outside = 0;
+      for (const auto& plane : planes) outside = std::max(outside, plane.signedDistance(points[k]));
+      searches[k].offer(cell, mesh.cell_input[cell], outside);
+    }
+  }
 }
 
 /// Distance from a convex face, measured across and along its plane; `hfv` is a buffer.
@@ -67,12 +95,22 @@ double distance_from_face(const mesh::PolyMesh& m, Index face, const Vec3& at, s
 
 }  // namespace
 
-Located locate_in_cells(const mesh::DistributedMesh& mesh, const Vec3& at) {
-  Search search;
-  for (Index cell = 0; cell < mesh.cells.owned; ++cell)
-    search.offer(cell, mesh.cell_input[cell], std::max(0.0, distance_outside(mesh.mesh, cell, at)));
-  return search.best(mesh.comm, extent(mesh));
+std::vector<Located> locate_in_cells(const mesh::DistributedMesh& mesh, std::span<const Vec3> points) {
+  const double size = extent(mesh), slack = tie * size;
+  std::vector<Located> located(points.size());
+  std::vector<std::size_t> chosen(points.size());
+  std::iota(chosen.begin(), chosen.end(), 0);
+  // Nearly every point lies in a cell, which its bounds tell; for the rest all cells are candidates.
+  for (const double reach : {2 * slack, std::numeric_limits<double>::infinity()}) {
+    std::vector<Search> searches(points.size());
+    offer_cells(mesh, points, chosen, reach, searches);
+    for (const std::size_t k : chosen) located[k] = searches[k].best(mesh.comm, size);
+    std::erase_if(chosen, [&](std::size_t k) { return located[k].found && located[k].distance <= slack; });
+  }
+  return located;
 }
+
+Located locate_in_cells(const mesh::DistributedMesh& mesh, const Vec3& at) { return locate_in_cells(mesh, std::span(&at, 1))[0]; }
 
 Located locate_on_fracture(const mesh::DistributedMesh& mesh, const std::string& fracture, const Vec3& at) {
   Search search;

@@ -247,6 +247,7 @@ void check_document(const Cursor& root) {
   check_initial(root);
   check_time(root["time"]);
   check_unique(root["output"]["probes"].entries(), "name");
+  check_unique(root["output"]["lines"].entries(), "name");
 }
 
 MeshNames names_of(const mesh::BoxSpec& box) {
@@ -320,6 +321,8 @@ void check_names(const Scene& scene, const MeshNames& mesh) {
   if (scene.has_mechanics) check_contact_names(scene, mesh);
   if (scene.flow) check_flow_names(scene, mesh);
   for (const Probe& probe : scene.output.probes) check_inside("probe", probe.at, mesh, probe.place);
+  for (const Line& line : scene.output.lines)
+    for (const Vec3& end : {line.from, line.to}) check_inside("end of the line", end, mesh, line.place);
 }
 
 void check_against_mesh(const Scene& scene, const mesh::PolyMesh& mesh) {

@@ -188,6 +188,12 @@ Output read_output(const Cursor& output) {
   result.every = static_cast<int>(output["every"].number());
   for (const Cursor& probe : output["probes"].entries())
     result.probes.push_back({.name = probe["name"].text(), .at = probe["at"].point(), .place = probe.where()});
+  for (const Cursor& line : output["lines"].entries())
+    result.lines.push_back({.name = line["name"].text(),
+                            .from = line["from"].point(),
+                            .to = line["to"].point(),
+                            .points = static_cast<int>(line["points"].number()),
+                            .place = line.where()});
   return result;
 }
 

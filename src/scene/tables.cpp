@@ -42,12 +42,11 @@ StepFigures figures_of(const Model& model) {
 }
 
 Tables::Tables(const mesh::DistributedMesh& mesh, const Scene& scene, const std::filesystem::path& directory,
-               std::optional<double> kept_steps)
-    : has_mechanics_(scene.has_mechanics), has_flow_(scene.flow.has_value()) {
-  for (const Probe& probe : scene.output.probes) {
-    if (has_mechanics_) displacement_probes_.emplace_back(mesh, probe.at);
-    if (has_flow_) pressure_probes_.emplace_back(mesh, probe.at);
-  }
+               std::optional<double> kept_steps) {
+  std::vector<Vec3> points;
+  for (const Probe& probe : scene.output.probes) points.push_back(probe.at);
+  if (scene.has_mechanics) displacement_probes_.emplace(mesh, points);
+  if (scene.flow) pressure_probes_.emplace(mesh, points);
   mpi::on_root(mesh.comm, [&] {
     history_ = io::CsvTable(directory / "history.csv", history_columns(scene), kept_steps);
     newton_ = io::CsvTable(directory / "newton.csv", newton_columns, kept_steps);
@@ -68,18 +67,15 @@ void Tables::step(const Model& model, const solver::StepRecord& record, const St
                           figures.extremes.max_opening,
                           figures.extremes.slip_integral,
                           figures.extremes.opening_integral};
-  for (const assembly::PointProbe& probe : displacement_probes_) {
-    const Vec3 u = probe.displacement(*model.mechanics(), model.displacement().trial);
-    row.insert(row.end(), {u[0], u[1], u[2]});
-  }
-  if (has_flow_) {
-    row.insert(row.end(), figures.books->values.begin(), figures.books->values.end());
+  const auto append = [&row](const std::vector<double>& values) { row.insert(row.end(), values.begin(), values.end()); };
+  if (displacement_probes_) append(displacement_probes_->displacements(*model.mechanics(), model.displacement().trial));
+  if (model.flow()) {
+    append(figures.books->values);
     row.insert(row.end(), {figures.pressure->min, figures.pressure->mean, figures.pressure->max});
     for (const auto& [outflow, pressure] : assembly::boundary_figures(*model.flow(), model.pressure().trial))
       row.insert(row.end(), {outflow, pressure});
+    append(pressure_probes_->pressures(*model.flow(), model.pressure().trial));
   }
-  for (const assembly::PressureProbe& probe : pressure_probes_)
-    row.push_back(probe.pressure(*model.flow(), model.pressure().trial));
   history_.row(row);
 }
 

@@ -35,9 +35,8 @@ class Tables {
   void newton(int step, const solver::NewtonRecord& record);
 
  private:
-  bool has_mechanics_, has_flow_;
-  std::vector<assembly::PointProbe> displacement_probes_;
-  std::vector<assembly::PressureProbe> pressure_probes_;
+  std::optional<assembly::DisplacementProbes> displacement_probes_;
+  std::optional<assembly::PressureProbes> pressure_probes_;
   io::CsvTable history_, newton_;  ///< Of rank 0; those of other ranks write nothing.
 };
 

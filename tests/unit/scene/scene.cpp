@@ -48,7 +48,7 @@ contact:
   formulation: saddle
   beta_scale: 10
 time: {start: 1, end: 5, step: 0.5}
-output: {every: 2, probes: [{name: middle, at: [0, 0.5, 0]}]}
+output: {every: 2, probes: [{name: middle, at: [0, 0.5, 0]}], lines: [{name: up, from: [0, 0, 0], to: [0, 1, 0]}]}
 exact:
   displacement: [x, y, P]
   gradient: [[1, 0, 0], [0, 1, 0], [0, 0, "4*z^3"]]
@@ -74,6 +74,10 @@ TEST(scenes, fill_every_struct) {
   EXPECT_EQ(scene.output.every, 2);
   ASSERT_EQ(scene.output.probes.size(), 1U);
   EXPECT_EQ(scene.output.probes[0].at, Vec3(0, 0.5, 0));
+  ASSERT_EQ(scene.output.lines.size(), 1U);
+  EXPECT_EQ(scene.output.lines[0].name, "up");
+  EXPECT_EQ(scene.output.lines[0].to, Vec3(0, 1, 0));
+  EXPECT_EQ(scene.output.lines[0].points, 101) << "by default";
 }
 
 TEST(scenes, fill_the_box) {

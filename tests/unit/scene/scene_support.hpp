@@ -57,7 +57,7 @@ flow:
       - {name: joint, permeability: 1e-9, normal_permeability: 1e-12, dilation: 0, barrier: true}
 initial: {stress: {yy: -1e6*(1 - y), xy: 2e5}}
 time: {start: 0, end: 100, step: 10, smallest_step: 0.1, largest_step: 20, outputs: [25, 75.5]}
-output: {every: 4, checkpoint_every: 3}
+output: {every: 4, checkpoint_every: 3, lines: [{name: middle, from: [0, 0.5], to: [2, 0.5], points: 5}]}
 exact: {pressure: x + t, flux: [1, -t], displacement: [x, y]}
 )YAML";
 
