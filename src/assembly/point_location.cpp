@@ -17,31 +17,57 @@ namespace {
 /// ranks.
 constexpr double tie = 1e-10;
 
+/// Element-wise minimum over the ranks: all points of a line cost one message.
+void min_in_place(MPI_Comm comm, std::vector<double>& values) {
+  MPI_Allreduce(MPI_IN_PLACE, values.data(), static_cast<int>(values.size()), MPI_DOUBLE, MPI_MIN, comm);
+}
+
+constexpr double infinity = std::numeric_limits<double>::infinity();
+
+/// What one rank has to offer for one point.
 class Search {
  public:
-  void offer(Index local, GlobalIndex input, double distance) { candidates_.push_back({local, input, distance}); }
-
-  [[nodiscard]] Located best(MPI_Comm comm, double extent) const {
-    constexpr double infinity = std::numeric_limits<double>::infinity();
-    double nearest = infinity;
-    for (const Candidate& c : candidates_) nearest = std::min(nearest, c.distance);
-    nearest = mpi::min(comm, nearest);
-    if (nearest == infinity) return {};
-    const Candidate* chosen = nullptr;
-    for (const Candidate& c : candidates_)
-      if (c.distance <= nearest + tie * extent && (chosen == nullptr || c.input < chosen->input)) chosen = &c;
-    const double lowest = mpi::min(comm, chosen != nullptr ? chosen->input : infinity);
-    return {chosen != nullptr && chosen->input == lowest ? chosen->local : -1, nearest, true};
-  }
-
- private:
   struct Candidate {
     Index local;
     GlobalIndex input;
     double distance;
   };
+  void offer(Index local, GlobalIndex input, double distance) { candidates_.push_back({local, input, distance}); }
+
+  [[nodiscard]] double nearest() const {
+    double nearest = infinity;
+    for (const Candidate& c : candidates_) nearest = std::min(nearest, c.distance);
+    return nearest;
+  }
+  /// Of the candidates that are no farther than `limit`, that with the lowest number; null where there is none.
+  [[nodiscard]] const Candidate* lowest_within(double limit) const {
+    const Candidate* lowest = nullptr;
+    for (const Candidate& c : candidates_)
+      if (c.distance <= limit && (lowest == nullptr || c.input < lowest->input)) lowest = &c;
+    return lowest;
+  }
+
+ private:
   std::vector<Candidate> candidates_;
 };
+
+/// The best candidate of each search over all ranks.
+std::vector<Located> best_of(const std::vector<Search>& searches, MPI_Comm comm, double extent) {
+  std::vector<double> nearest, lowest;
+  for (const Search& search : searches) nearest.push_back(search.nearest());
+  min_in_place(comm, nearest);
+  std::vector<const Search::Candidate*> own;
+  for (std::size_t k = 0; k < searches.size(); ++k) {
+    own.push_back(searches[k].lowest_within(nearest[k] + tie * extent));
+    lowest.push_back(own[k] != nullptr ? own[k]->input : infinity);
+  }
+  min_in_place(comm, lowest);
+  std::vector<Located> located(searches.size());
+  for (std::size_t k = 0; k < searches.size(); ++k)
+    if (nearest[k] < infinity)
+      located[k] = {own[k] != nullptr && own[k]->input == lowest[k] ? own[k]->local : -1, nearest[k], true};
+  return located;
+}
 
 double extent(const mesh::DistributedMesh& mesh) {
   double longest = 0;
@@ -101,11 +127,13 @@ std::vector<Located> locate_in_cells(const mesh::DistributedMesh& mesh, std::spa
   std::vector<std::size_t> chosen(points.size());
   std::iota(chosen.begin(), chosen.end(), 0);
   // Nearly every point lies in a cell, which its bounds tell; for the rest all cells are candidates.
-  for (const double reach : {2 * slack, std::numeric_limits<double>::infinity()}) {
+  for (const double reach : {2 * slack, infinity}) {
     std::vector<Search> searches(points.size());
     offer_cells(mesh, points, chosen, reach, searches);
-    for (const std::size_t k : chosen) located[k] = searches[k].best(mesh.comm, size);
+    const std::vector<Located> best = best_of(searches, mesh.comm, size);
+    for (const std::size_t k : chosen) located[k] = best[k];
     std::erase_if(chosen, [&](std::size_t k) { return located[k].found && located[k].distance <= slack; });
+    if (chosen.empty()) break;
   }
   return located;
 }
@@ -113,14 +141,14 @@ std::vector<Located> locate_in_cells(const mesh::DistributedMesh& mesh, std::spa
 Located locate_in_cells(const mesh::DistributedMesh& mesh, const Vec3& at) { return locate_in_cells(mesh, std::span(&at, 1))[0]; }
 
 Located locate_on_fracture(const mesh::DistributedMesh& mesh, const std::string& fracture, const Vec3& at) {
-  Search search;
+  std::vector<Search> search(1);
   spaces::HfvCell hfv(mesh.mesh);
   for (Index f = 0; f < mesh.fractures.owned; ++f) {
     const Index face = mesh.fracture_faces[f];
     if (mesh.mesh.fracture_names[mesh.mesh.face_fracture[face]] != fracture) continue;
-    search.offer(f, mesh.fracture_face_input[f], distance_from_face(mesh.mesh, face, at, hfv));
+    search[0].offer(f, mesh.fracture_face_input[f], distance_from_face(mesh.mesh, face, at, hfv));
   }
-  return search.best(mesh.comm, extent(mesh));
+  return best_of(search, mesh.comm, extent(mesh))[0];
 }
 
 }  // namespace polyslip::assembly
