@@ -308,14 +308,14 @@ STUDIES = {"regular": study_regular, "complex": study_complex, "single": study_s
 
 
 def study(cases):
-    os.environ.setdefault("POLYSLIP", str(ROOT / "build/release/polyslip"))
-    os.environ.setdefault("POLYSLIP_EXAMPLES", str(ROOT / "examples"))
     with tempfile.TemporaryDirectory() as directory:
         for case in cases or STUDIES:
             STUDIES[case](directory)
 
 
 if __name__ == "__main__":
+    os.environ.setdefault("POLYSLIP", str(ROOT / "build/release/polyslip"))  # as CTest sets them
+    os.environ.setdefault("POLYSLIP_EXAMPLES", str(ROOT / "examples"))
     if "--study" in sys.argv:
         study(sys.argv[sys.argv.index("--study") + 1 :])
     else:
