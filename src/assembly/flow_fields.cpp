@@ -1,5 +1,6 @@
 #include "polyslip/assembly/flow_fields.hpp"
 
+#include <algorithm>
 #include <cmath>
 #include <limits>
 
@@ -26,11 +27,13 @@ class Gradients {
           q_, system_.layout().trace(mesh.flow.face_traces[face][mesh.mesh.face_cells[face][0] == cell ? 0 : 1])));
     return hfv_.gradient(q_[system_.layout().cell(cell)], faces_);
   }
-  Vec3 in_fracture_face(Index f) {
+  /// V_f = 1/|sigma| sum_e F_{sigma e} (x_e - x_sigma), which is -(C_f/eta) G_sigma q where no ridge is sealed.
+  Vec3 flux_in_fracture_face(Index f) {
     hfv_.build_fracture_face(system_.mesh().fracture_faces[f]);
-    faces_.clear();
-    for (Index ridge : system_.mesh().flow.fracture_ridges[f]) faces_.push_back(q_[system_.layout().ridge(ridge)]);
-    return hfv_.gradient(q_[system_.layout().fracture(f)], faces_);
+    system_.fluxes().ridge_fluxes(f, q_, faces_);
+    Vec3 moment = Vec3::Zero();
+    for (int e = 0; e < hfv_.size(); ++e) moment += faces_[e] * (hfv_.faces()[e].centre - hfv_.centre());
+    return moment / hfv_.measure();
   }
   [[nodiscard]] const spaces::HfvCell& element() const { return hfv_; }
   [[nodiscard]] double cell_value(Index cell) const { return q_[system_.layout().cell(cell)]; }
@@ -93,7 +96,7 @@ std::vector<double> fracture_fluxes(const FlowSystem& system, Vec q) {
   Gradients gradients(system, q);
   std::vector<double> fluxes;
   for (Index f = 0; system.layout().with_fractures() && f < system.mesh().fractures.owned; ++f)
-    append(fluxes, -system.conductivities()[f].along * gradients.in_fracture_face(f));
+    append(fluxes, gradients.flux_in_fracture_face(f));
   return fluxes;
 }
 
@@ -112,9 +115,54 @@ PressureExtremes pressure_extremes(const FlowSystem& system, Vec q) {
   return {mpi::min(comm, low), mpi::max(comm, high), sums[0] / sums[1]};
 }
 
-double PressureProbe::pressure(const FlowSystem& system, Vec q) const {
+std::vector<std::string> boundary_names(const physics::FlowProblem& problem) {
+  std::vector<std::string> names;
+  for (const physics::FlowBoundaryRule& rule : problem.boundary)
+    if (!rule.name.empty() && std::ranges::find(names, rule.name) == names.end()) names.push_back(rule.name);
+  return names;
+}
+
+std::vector<BoundaryFigures> boundary_figures(const FlowSystem& system, Vec q) {
+  const std::vector<std::string> names = boundary_names(system.problem());
+  if (names.empty()) return {};
+  const mesh::DistributedMesh& mesh = system.mesh();
+  const FlowLayout& layout = system.layout();
+  const FlowLoadAssembler& loads = system.load_assembler();
+  la::Handle<Vec> fluxes = layout.create_vector();
+  POLYSLIP_PETSC(MatMult(system.fluxes().matrix(), q, fluxes));
+  const VecRead flux(fluxes), values(q);
+  std::vector<double> sums(3 * names.size());  // of each name: outflow, integral of the pressure, area
+  const auto sums_of = [&](Index rule) -> double* {
+    if (rule < 0) return nullptr;
+    const auto found = std::ranges::find(names, system.problem().boundary[rule].name);
+    return found == names.end() ? nullptr : &sums[3 * static_cast<std::size_t>(found - names.begin())];
+  };
+  const auto outflow = [&](Index i) { return system.fixed()[i] ? -flux[i] : -system.loads().sources[i]; };
+  for (Index face = 0; face < mesh.mesh.n_faces(); ++face) {
+    double* own = sums_of(loads.face_rules()[face]);
+    const Index trace = own == nullptr ? layout.size() : layout.trace(mesh.flow.face_traces[face][0]);
+    if (trace >= layout.size()) continue;
+    const double area = spaces::face_geometry(mesh.mesh, face).area;
+    own[0] += outflow(trace);
+    own[1] += area * (values[trace] + system.reference()[trace]);
+    own[2] += area;
+  }
+  for (Index r = 0; layout.with_fractures() && r < mesh.flow.ridges.owned; ++r)
+    if (double* own = sums_of(loads.fixed_rules()[layout.ridge(r)])) own[0] += outflow(layout.ridge(r));
+  mpi::sum_in_place(mesh.comm, sums);
+  std::vector<BoundaryFigures> figures;
+  for (std::size_t k = 0; k < sums.size(); k += 3)
+    figures.push_back({sums[k], sums[k + 2] > 0 ? sums[k + 1] / sums[k + 2] : 0});  // a later rule may have taken all faces
+  return figures;
+}
+
+std::vector<double> PressureProbes::pressures(const FlowSystem& system, Vec q) const {
   Gradients gradients(system, q);
-  return mpi::sum(system.mesh().comm, cell_ >= 0 ? gradients.pressure(cell_, at_) : 0.0);
+  std::vector<double> values(points_.size(), 0.0);
+  for (std::size_t k = 0; k < points_.size(); ++k)
+    if (cells_[k].local >= 0) values[k] = gradients.pressure(cells_[k].local, points_[k]);
+  mpi::sum_in_place(system.mesh().comm, values);
+  return values;
 }
 
 FlowErrorNorms flow_error_norms(const FlowSystem& system, const physics::ExactFlow& exact, double time, Vec q) {

@@ -45,16 +45,21 @@ void FlowLoadAssembler::assign_boundary_rules() {
   face_rule_.assign(static_cast<std::size_t>(m.n_faces()), -1);
   for (Index r = 0; r < static_cast<Index>(problem_.boundary.size()); ++r) {
     const FlowBoundaryRule& rule = problem_.boundary[r];
-    bool here = false;
+    bool has_tag = false, here = false;
     for (Index face = 0; face < m.n_faces(); ++face) {
       if (!mesh_.face_is_boundary[face]) continue;
       if (rule.tag != "all" && (m.face_tag[face] < 0 || m.tag_names[m.face_tag[face]] != rule.tag)) continue;
+      has_tag = true;
+      if (rule.where && (*rule.where)({.x = spaces::face_geometry(m, face).centre}) == 0) continue;
       face_rule_[face] = r;
       here = true;
     }
-    if (!mpi::any(mesh_.comm, here))
+    if (!mpi::any(mesh_.comm, has_tag))
       throw InputError("no boundary face carries the tag '" + rule.tag + "'", rule.place,
                        "Use a side of the box, a physical group on the boundary, or all");
+    if (!mpi::any(mesh_.comm, here))
+      throw InputError("\"where\" is zero at the centre of every boundary face of '" + rule.tag + "'", rule.place,
+                       "Give a condition that holds at the centres of some faces, or refine the mesh");
   }
 }
 

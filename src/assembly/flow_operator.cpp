@@ -41,7 +41,7 @@ Csr graph_of_groups(const Csr& groups, Index owned, Index local) {
 
 FlowOperator::FlowOperator(const mesh::DistributedMesh& mesh, const FlowLayout& layout,
                            std::span<const physics::HydraulicProperties> rock, double viscosity,
-                           std::span<const physics::FractureConductivity> fractures)
+                           std::span<const physics::FractureConductivity> fractures, std::span<const char> barriers)
     : mesh_(mesh),
       layout_(layout),
       drop_from_(static_cast<std::size_t>(layout.local_size()), -1),
@@ -50,10 +50,11 @@ FlowOperator::FlowOperator(const mesh::DistributedMesh& mesh, const FlowLayout& 
   const mesh::Numbering& numbers = layout.numbering();
   matrix_ = std::make_unique<la::BlockMatrix>(la::BlockMatrix::Layout{mesh.comm, 1, numbers.owned, numbers.first, numbers.ghosts},
                                               graph());
+  const std::vector<Index> tight_ridges = layout.with_fractures() ? ridges_of_barriers(barriers) : std::vector<Index>();
   matrix_->begin_writing();
   mpi::together(mesh.comm, [&] {
     assemble_rock(rock, viscosity);
-    if (layout.with_fractures()) measure_fractures();
+    if (layout.with_fractures()) measure_fractures(barriers, tight_ridges);
   });
   if (layout.with_fractures()) keep_rock_rows();
   matrix_->end_writing();
@@ -167,7 +168,17 @@ void FlowOperator::assemble_rock(std::span<const physics::HydraulicProperties> r
   }
 }
 
-void FlowOperator::measure_fractures() {
+/// 1 on the unknowns of ridges that a barrier reaches.
+std::vector<Index> FlowOperator::ridges_of_barriers(std::span<const char> barriers) const {
+  std::vector<Index> reached(drop_from_.size(), 0);
+  for (Index f = 0; f < mesh_.fractures.local(); ++f)
+    if (barriers[f] != 0)
+      for (Index ridge : mesh_.flow.fracture_ridges[f]) reached[layout_.ridge(ridge)] = 1;
+  layout_.halo().owner_to_ghost(std::span<Index>(reached));  // only the owner sees all faces at a ridge
+  return reached;
+}
+
+void FlowOperator::measure_fractures(std::span<const char> barriers, std::span<const Index> tight_ridges) {
   spaces::HfvCell hfv(mesh_.mesh);
   unit_T_offsets_.assign(1, 0);
   for (Index f = 0; f < mesh_.fractures.local(); ++f) {
@@ -176,6 +187,9 @@ void FlowOperator::measure_fractures() {
     const std::size_t n = hfv.faces().size(), start = unit_T_.size();
     unit_T_.resize(start + n * n);
     physics::local_transmissibilities(hfv, Eigen::Matrix3d::Identity(), {&unit_T_[start], n * n});
+    const auto ridges = mesh_.flow.fracture_ridges[f];
+    for (std::size_t i = 0; i < n && barriers[f] == 0; ++i)
+      if (tight_ridges[layout_.ridge(ridges[i])] != 0) physics::seal_face({&unit_T_[start], n * n}, n, i);
     unit_T_offsets_.push_back(unit_T_.size());
   }
 }
@@ -245,6 +259,15 @@ double FlowOperator::fracture_form(Index f, std::span<const double> q) const {
     for (std::size_t j = 0; j < ridges.size(); ++j)
       form += (q[layout_.ridge(ridges[i])] - q_f) * T[i * ridges.size() + j] * (q[layout_.ridge(ridges[j])] - q_f);
   return form;
+}
+
+void FlowOperator::ridge_fluxes(Index f, std::span<const double> q, std::vector<double>& fluxes) const {
+  const auto ridges = mesh_.flow.fracture_ridges[f];
+  const auto T = unit_transmissibilities(f);
+  fluxes.assign(ridges.size(), 0.0);
+  for (std::size_t i = 0; i < ridges.size(); ++i)
+    for (std::size_t j = 0; j < ridges.size(); ++j)
+      fluxes[i] += conductivities_[f].along * T[i * ridges.size() + j] * (q[layout_.fracture(f)] - q[layout_.ridge(ridges[j])]);
 }
 
 Dissipation FlowOperator::dissipation(Vec q) const {

@@ -29,7 +29,7 @@ FlowSystem::FlowSystem(const mesh::DistributedMesh& mesh, const physics::FlowPro
       storing_apertures_(conducting_apertures_),
       conductivities_(conductivities_at(conducting_apertures_)),
       layout_(mesh, !problem.fractures.empty() && mesh.fractures.total > 0),
-      operator_(mesh, layout_, rock_, problem.viscosity, conductivities_),
+      operator_(mesh, layout_, rock_, problem.viscosity, conductivities_, barriers()),
       constant_reference_(mean_initial_pressure()),
       reference_(reference_values()),
       load_assembler_(mesh, problem, layout_, operator_.points(), reference_, operator_.areas()),
@@ -45,6 +45,13 @@ FlowSystem::FlowSystem(const mesh::DistributedMesh& mesh, const physics::FlowPro
 std::vector<physics::FractureHydraulics> FlowSystem::fracture_properties() const {
   if (problem_.fractures.empty()) return {};
   return physics::fracture_hydraulics(mesh_.mesh, mesh_.fracture_faces, problem_.fractures);
+}
+
+/// 1 on local fracture faces of barriers.
+std::vector<char> FlowSystem::barriers() const {
+  std::vector<char> barriers(fractures_.size());
+  std::transform(fractures_.begin(), fractures_.end(), barriers.begin(), [](const auto& f) { return f.barrier ? 1 : 0; });
+  return barriers;
 }
 
 std::vector<double> FlowSystem::contact_apertures() const {

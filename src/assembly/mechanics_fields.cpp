@@ -84,19 +84,19 @@ FractureExtremes fracture_extremes(const MechanicsSystem& system, std::span<cons
   return {mpi::max(mesh.comm, e.max_slip), mpi::max(mesh.comm, e.max_opening), integrals[0], integrals[1], integrals[2], integrals[3]};
 }
 
-Vec3 PointProbe::displacement(const MechanicsSystem& system, Vec x) const {
+std::vector<double> DisplacementProbes::displacements(const MechanicsSystem& system, Vec x) const {
   const CellLoop loop(system, x);
-  std::array<double, 3> u{};
-  if (cell_ >= 0) {
-    spaces::VemCell vem(system.mesh().mesh, system.layout().bubbles());
-    std::vector<double> v;
-    vem.build(cell_);
+  spaces::VemCell vem(system.mesh().mesh, system.layout().bubbles());
+  std::vector<double> v, u(3 * points_.size(), 0.0);
+  for (std::size_t k = 0; k < points_.size(); ++k) {
+    if (cells_[k].local < 0) continue;
+    vem.build(cells_[k].local);
     loop.values(vem, v);
-    const Vec3 value = vem.value(vem.gradient(v), v, at_);
-    u = {value[0], value[1], value[2]};
+    const Vec3 value = vem.value(vem.gradient(v), v, points_[k]);
+    std::copy(value.begin(), value.end(), u.begin() + static_cast<std::ptrdiff_t>(3 * k));
   }
   mpi::sum_in_place(system.mesh().comm, u);
-  return {u[0], u[1], u[2]};
+  return u;
 }
 
 }  // namespace polyslip::assembly

@@ -3,6 +3,7 @@
 #include <fmt/format.h>
 
 #include <Eigen/Cholesky>
+#include <algorithm>
 #include <cmath>
 
 #include "polyslip/common/error.hpp"
@@ -106,6 +107,17 @@ void local_transmissibilities(const spaces::HfvCell& element, const Eigen::Matri
       T[static_cast<std::size_t>(i * n + j)] = T[static_cast<std::size_t>(j * n + i)] = t;
     }
   }
+}
+
+void seal_face(std::span<double> T, std::size_t n, std::size_t i) {
+  const double diagonal = T[i * n + i];
+  for (std::size_t row = 0; row < n; ++row) {
+    if (row == i) continue;
+    const double ratio = T[row * n + i] / diagonal;
+    for (std::size_t column = 0; column < n; ++column) T[row * n + column] -= ratio * T[i * n + column];
+    T[row * n + i] = 0;  // and not what round-off leaves
+  }
+  std::fill_n(T.begin() + static_cast<std::ptrdiff_t>(i * n), n, 0.0);
 }
 
 void element_matrix(std::span<const double> T, int n, std::span<double> matrix) {

@@ -20,7 +20,7 @@ void check_positive(double value, const char* what, const char* unit, const char
 }
 
 FractureHydraulics properties_at(const FractureFlowRule& rule, const EvalPoint& at) {
-  FractureHydraulics face{rule.contact_aperture(at), rule.dilation(at), {}, {}};
+  FractureHydraulics face{rule.contact_aperture(at), rule.dilation(at), {}, {}, rule.barrier};
   check_positive(face.contact_aperture, "contact aperture", "m",
                  "Give a hydraulic aperture > 0: closed fractures conduct a little too", rule, at.x);
   if (rule.permeability) {

@@ -250,6 +250,7 @@ void check_document(const Cursor& root) {
   check_unique(root["output"]["windows"].entries(), "name");
   if (root["output"]["windows"] && !root["contact"])
     refuse(root["output"]["windows"], "there is no contact to record", "Remove the key, or give fractures and moduli");
+  check_unique(root["output"]["lines"].entries(), "name");
 }
 
 MeshNames names_of(const mesh::BoxSpec& box) {
@@ -325,6 +326,8 @@ void check_names(const Scene& scene, const MeshNames& mesh) {
   for (const Probe& probe : scene.output.probes) check_inside("probe", probe.at, mesh, probe.place);
   for (const Window& window : scene.output.windows)
     if (!window.rule.fracture.empty()) check_fracture(window.rule.fracture, fracture_names(scene, mesh), window.place);
+  for (const Line& line : scene.output.lines)
+    for (const Vec3& end : {line.from, line.to}) check_inside("end of the line", end, mesh, line.place);
 }
 
 void check_against_mesh(const Scene& scene, const mesh::PolyMesh& mesh) {

@@ -214,6 +214,8 @@ void read_material(const Cursor& entry, std::vector<physics::HydraulicRule>& rul
 void read_boundary_rule(const Cursor& entry, std::vector<physics::FlowBoundaryRule>& rules) {
   for (const Cursor& on : entry["on"].entries())
     rules.push_back({.tag = on.text(),
+                     .name = entry["name"].text(),
+                     .where = entry["where"].optional_expression(),
                      .pressure = entry["pressure"].optional_expression(),
                      .flux = entry["flux"].optional_expression(),
                      .place = on.where()});
@@ -246,6 +248,7 @@ void read_fracture(const Cursor& entry, physics::FractureFlowRule& rule) {
   if (entry["contact_aperture"]) rule.contact_aperture = entry["contact_aperture"].expression();
   if (entry["permeability"]) rule.permeability = entry["permeability"].expression();
   if (entry["normal_permeability"]) rule.normal_permeability = entry["normal_permeability"].expression();
+  if (entry["barrier"]) rule.barrier = entry["barrier"].is_true();
   if (entry["dilation"]) rule.dilation = entry["dilation"].expression();
   if (entry["dilation_angle"]) rule.dilation = entry["dilation_angle"].expression_within("tan(pi/180*(", "))");
 }

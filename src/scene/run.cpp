@@ -4,6 +4,7 @@
 
 #include "polyslip/la/log_stage.hpp"
 #include "polyslip/scene/fields.hpp"
+#include "polyslip/scene/lines.hpp"
 #include "polyslip/scene/prepare.hpp"
 #include "polyslip/scene/report.hpp"
 #include "polyslip/scene/restart.hpp"
@@ -50,6 +51,7 @@ class Run {
   std::optional<solver::TimeStepper> stepper_;
   std::optional<io::FieldWriter> writer_;
   std::optional<Tables> tables_;
+  std::optional<LineTables> lines_;
   StepFigures figures_;                 ///< Of the last accepted step.
   std::optional<double> last_written_;  ///< Time of the last fields [s].
   int last_checkpoint_ = -1;            ///< Its number of steps.
@@ -90,6 +92,7 @@ void Run::open_outputs() {
   const bool goes_on = line_.restart;
   writer_.emplace(*mesh_, directory_, goes_on ? std::optional(state.time) : std::nullopt);
   tables_.emplace(*mesh_, scene_, directory_, goes_on ? std::optional<double>(state.accepted) : std::nullopt);
+  lines_.emplace(*mesh_, scene_, directory_, goes_on ? std::optional(state.time) : std::nullopt);
   last_written_ = writer_->last_time();
   write_resolved(comm_, scene_, directory_);
   if (goes_on) log_.line("going on from step {} at t = {:g}", state.accepted, state.time);
@@ -115,6 +118,7 @@ void Run::write_fields(double time) {
   if (time == last_written_) return;
   const la::LogStage stage("write", summary_.seconds.write);
   scene::write_fields(*writer_, scene_, *model_, figures_, time);
+  lines_->write(*model_, time);
   last_written_ = time;
 }
 

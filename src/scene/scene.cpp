@@ -196,6 +196,12 @@ Output read_output(const Cursor& output) {
     result.windows.push_back({.name = window["name"].text(),
                               .rule = {.fracture = window["fracture"].text(), .where = window["where"].optional_expression()},
                               .place = window.where()});
+  for (const Cursor& line : output["lines"].entries())
+    result.lines.push_back({.name = line["name"].text(),
+                            .from = line["from"].point(),
+                            .to = line["to"].point(),
+                            .points = static_cast<int>(line["points"].number()),
+                            .place = line.where()});
   return result;
 }
 

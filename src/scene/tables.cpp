@@ -26,6 +26,8 @@ std::vector<std::string> history_columns(const Scene& scene) {
     const auto books = Model::book_names(scene);
     columns.insert(columns.end(), books.begin(), books.end());
     columns.insert(columns.end(), {"min_pressure", "mean_pressure", "max_pressure"});
+    for (const std::string& name : assembly::boundary_names(*scene.flow))
+      for (const char* c : {"_outflow", "_pressure"}) columns.push_back(name + c);
     for (const Probe& probe : scene.output.probes) columns.push_back(probe.name + "_p");
   }
   for (const Window& window : scene.output.windows)
@@ -53,12 +55,11 @@ StepFigures figures_of(const Model& model) {
 }
 
 Tables::Tables(const mesh::DistributedMesh& mesh, const Scene& scene, const std::filesystem::path& directory,
-               std::optional<double> kept_steps)
-    : has_mechanics_(scene.has_mechanics), has_flow_(scene.flow.has_value()) {
-  for (const Probe& probe : scene.output.probes) {
-    if (has_mechanics_) displacement_probes_.emplace_back(mesh, probe.at);
-    if (has_flow_) pressure_probes_.emplace_back(mesh, probe.at);
-  }
+               std::optional<double> kept_steps) {
+  std::vector<Vec3> points;
+  for (const Probe& probe : scene.output.probes) points.push_back(probe.at);
+  if (scene.has_mechanics) displacement_probes_.emplace(mesh, points);
+  if (scene.flow) pressure_probes_.emplace(mesh, points);
   for (const Window& window : scene.output.windows) {
     windows_.emplace_back(mesh, window.rule);
     if (windows_.back().area() == 0)
@@ -87,23 +88,22 @@ void Tables::step(const Model& model, const solver::StepRecord& record, const St
                           figures.extremes.opening_integral,
                           figures.extremes.slipped_area,
                           figures.extremes.seismic_moment};
-  for (const assembly::PointProbe& probe : displacement_probes_) {
-    const Vec3 u = probe.displacement(*model.mechanics(), model.displacement().trial);
-    row.insert(row.end(), {u[0], u[1], u[2]});
-  }
-  if (has_flow_) {
-    row.insert(row.end(), figures.books->values.begin(), figures.books->values.end());
+  const auto append = [&row](const std::vector<double>& values) { row.insert(row.end(), values.begin(), values.end()); };
+  if (displacement_probes_) append(displacement_probes_->displacements(*model.mechanics(), model.displacement().trial));
+  if (model.flow()) {
+    append(figures.books->values);
     row.insert(row.end(), {figures.pressure->min, figures.pressure->mean, figures.pressure->max});
+    for (const auto& [outflow, pressure] : assembly::boundary_figures(*model.flow(), model.pressure().trial))
+      row.insert(row.end(), {outflow, pressure});
+    append(pressure_probes_->pressures(*model.flow(), model.pressure().trial));
   }
-  for (const assembly::PressureProbe& probe : pressure_probes_)
-    row.push_back(probe.pressure(*model.flow(), model.pressure().trial));
   if (!windows_.empty()) add_windows(model, figures, row);
   history_.row(row);
 }
 
 void Tables::add_windows(const Model& model, const StepFigures& figures, std::vector<double>& row) const {
   std::vector<double> pressures;
-  if (has_flow_) pressures = assembly::fracture_pressures(*model.flow(), model.pressure().trial);
+  if (model.flow()) pressures = assembly::fracture_pressures(*model.flow(), model.pressure().trial);
   const std::vector<double> apertures = model.apertures();
   for (const assembly::FractureWindow& window : windows_) {
     const auto v = window.values(*model.mechanics(), figures.fractures, pressures, apertures);

@@ -14,7 +14,7 @@ from pathlib import Path
 
 
 class Run:
-    """A finished run: exit code, log, summary.json as `summary`, and the tables."""
+    """A finished run: exit code, log, summary.json as `summary`, and the tables; those of lines by their names as `lines`."""
 
     def __init__(self, example, settings=None, ranks=1, options=()):
         """`example` is a folder or one of its scenes, `settings` are scene keys and values (-set), `options` further words of the command
@@ -35,6 +35,7 @@ class Run:
             self.summary = json.loads((Path(directory) / "summary.json").read_text())
             self.history = read_table(Path(directory) / "history.csv")
             self.newton = read_table(Path(directory) / "newton.csv")
+            self.lines = {file.stem.removeprefix("line_"): read_table(file) for file in Path(directory).glob("line_*.csv")}
 
     @property
     def errors(self):

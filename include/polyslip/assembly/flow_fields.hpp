@@ -28,15 +28,26 @@ struct PressureExtremes {
 };
 PressureExtremes pressure_extremes(const FlowSystem& system, Vec q);
 
-/// p_K + G_K q.(x - x_K) at a point, on all ranks [Pa]: of the cell that holds the point, or comes closest to it. Collective.
-class PressureProbe {
+/// Of the boundary faces whose rules share a name.
+struct BoundaryFigures {
+  double outflow = 0;   ///< Through the rock and the fractures that end there [m3/s; 2D: m2/s].
+  double pressure = 0;  ///< Mean p_sigma of the rock [Pa].
+};
+/// The names of boundary rules, each once, in their order.
+std::vector<std::string> boundary_names(const physics::FlowProblem& problem);
+/// Of each of these names, over all ranks. Collective.
+std::vector<BoundaryFigures> boundary_figures(const FlowSystem& system, Vec q);
+
+/// p_K + G_K q.(x - x_K) at points, on all ranks [Pa]: of the cell that holds the point, or comes closest to it. Collective.
+class PressureProbes {
  public:
-  PressureProbe(const mesh::DistributedMesh& mesh, const Vec3& at) : at_(at), cell_(locate_in_cells(mesh, at).local) {}
-  [[nodiscard]] double pressure(const FlowSystem& system, Vec q) const;
+  PressureProbes(const mesh::DistributedMesh& mesh, std::vector<Vec3> points)
+      : points_(std::move(points)), cells_(locate_in_cells(mesh, points_)) {}
+  [[nodiscard]] std::vector<double> pressures(const FlowSystem& system, Vec q) const;
 
  private:
-  Vec3 at_;
-  Index cell_;  ///< Owned cell, -1 on the other ranks.
+  std::vector<Vec3> points_;
+  std::vector<Located> cells_;
 };
 
 /// Relative L2 errors over the rock: of p_K against the exact pressure at x_K, the usual one of finite volumes, and of V_K by rules of

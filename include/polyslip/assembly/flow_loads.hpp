@@ -18,7 +18,7 @@ class FlowLoadAssembler {
  public:
   /// `points` and `reference` give place and p_ref of the owned unknowns; `areas` |sigma| of the local fracture faces.
   /// Throws InputError, on all ranks alike, for tags that no boundary face carries, regions and fractures that do not exist,
-  /// sources in fractures that carry no fluid, and wells outside the rock.
+  /// sources in fractures that carry no fluid, rules for no face, and wells outside the rock.
   FlowLoadAssembler(const mesh::DistributedMesh& mesh, const physics::FlowProblem& problem, const FlowLayout& layout,
                     std::span<const Vec3> points, std::span<const double> reference, std::span<const double> areas);
 
@@ -26,6 +26,9 @@ class FlowLoadAssembler {
   [[nodiscard]] bool depends_on_time() const;
   /// 1 on local unknowns with a prescribed pressure.
   [[nodiscard]] const std::vector<char>& fixed() const { return fixed_; }
+  /// Boundary rule of each local face, and of each local unknown with a prescribed pressure; -1 elsewhere.
+  [[nodiscard]] std::span<const Index> face_rules() const { return face_rule_; }
+  [[nodiscard]] std::span<const Index> fixed_rules() const { return fixed_rule_; }
   [[nodiscard]] long long fixed_total() const { return fixed_total_; }  ///< Over all ranks.
 
  private:
@@ -43,8 +46,7 @@ class FlowLoadAssembler {
   const FlowLayout& layout_;
   std::span<const Vec3> points_;
   std::span<const double> reference_, areas_;
-  std::vector<Index> face_rule_;   ///< Boundary rule of each local face, -1 for none.
-  std::vector<Index> fixed_rule_;  ///< Boundary rule of each local unknown with a prescribed pressure, -1 elsewhere.
+  std::vector<Index> face_rule_, fixed_rule_;  ///< See face_rules(), fixed_rules().
   std::vector<char> fixed_;
   long long fixed_total_ = 0;
   std::vector<Index> well_unknown_;  ///< Owned unknown of each source that is a well; -1 on other ranks and for other sources.

@@ -13,6 +13,9 @@
 //   (H q)_f = sum_e F_{sigma e}(q) - F_{K sigma}(q) - ...,
 // so that fluid is conserved to round-off whatever T_f. The forms q.Hq are the same.
 //
+// Fractures that meet share the pressure of their ridge, so that fluid passes through crossings without loss. Where a barrier (a
+// fracture that is tight along and across itself) takes part, only its own faces reach the ridge: F_{sigma e} = 0 for the others.
+//
 // The part of the rock is assembled once; conductivities of the fractures only rewrite the rows of fracture sides, faces and
 // ridges.
 #pragma once
@@ -34,10 +37,10 @@ struct Dissipation {
 
 class FlowOperator {
  public:
-  /// `fractures`: of each local fracture face at the start; they settle which sides are conductive. Throws InputError, on all ranks
-  /// alike, for cells that HFV cannot take.
+  /// `fractures`: of each local fracture face at the start; they settle which sides are conductive. `barriers`: 1 on local fracture
+  /// faces of barriers. Throws InputError, on all ranks alike, for cells that HFV cannot take.
   FlowOperator(const mesh::DistributedMesh& mesh, const FlowLayout& layout, std::span<const physics::HydraulicProperties> rock,
-               double viscosity, std::span<const physics::FractureConductivity> fractures);
+               double viscosity, std::span<const physics::FractureConductivity> fractures, std::span<const char> barriers);
 
   /// One for each local fracture face.
   void set_conductivities(std::span<const physics::FractureConductivity> fractures);
@@ -59,6 +62,8 @@ class FlowOperator {
     return is_drop(unknown) ? q[unknown] + q[drop_from_[unknown]] : q[unknown];
   }
 
+  /// F_{sigma e}(q) out of a local fracture face through each of its ridges [m3/s; 2D: m2/s], from a local array.
+  void ridge_fluxes(Index fracture_face, std::span<const double> q, std::vector<double>& fluxes) const;
   /// q.Hq by parts.
   [[nodiscard]] Dissipation dissipation(Vec q) const;
 
@@ -83,7 +88,8 @@ class FlowOperator {
   void choose_drops(std::span<const physics::HydraulicProperties> rock, double viscosity,
                     std::span<const physics::FractureConductivity> fractures);
   void assemble_rock(std::span<const physics::HydraulicProperties> rock, double viscosity);
-  void measure_fractures();
+  [[nodiscard]] std::vector<Index> ridges_of_barriers(std::span<const char> barriers) const;
+  void measure_fractures(std::span<const char> barriers, std::span<const Index> tight_ridges);
   void keep_rock_rows();
   void place_points();
   /// Adds scale times the matrix of an element, `width` columns, to the owned rows.

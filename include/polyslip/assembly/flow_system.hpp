@@ -82,6 +82,7 @@ class FlowSystem {
 
  private:
   [[nodiscard]] std::vector<physics::FractureHydraulics> fracture_properties() const;
+  [[nodiscard]] std::vector<char> barriers() const;
   [[nodiscard]] std::vector<double> contact_apertures() const;
   [[nodiscard]] std::vector<physics::FractureConductivity> conductivities_at(std::span<const double> apertures) const;
   [[nodiscard]] double mean_initial_pressure() const;

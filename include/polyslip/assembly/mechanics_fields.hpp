@@ -51,15 +51,16 @@ struct FractureExtremes {
 inline constexpr double has_slipped = 1e-9;
 FractureExtremes fracture_extremes(const MechanicsSystem& system, std::span<const FractureFaceValues> values);
 
-/// Pi_K u at a point, on all ranks [m]: of the cell that holds the point, or comes closest to it.
-class PointProbe {
+/// Pi_K u at points, on all ranks [m], three components each: of the cell that holds the point, or comes closest to it. Collective.
+class DisplacementProbes {
  public:
-  PointProbe(const mesh::DistributedMesh& mesh, const Vec3& at) : at_(at), cell_(locate_in_cells(mesh, at).local) {}
-  [[nodiscard]] Vec3 displacement(const MechanicsSystem& system, Vec x) const;
+  DisplacementProbes(const mesh::DistributedMesh& mesh, std::vector<Vec3> points)
+      : points_(std::move(points)), cells_(locate_in_cells(mesh, points_)) {}
+  [[nodiscard]] std::vector<double> displacements(const MechanicsSystem& system, Vec x) const;
 
  private:
-  Vec3 at_;
-  Index cell_;  ///< Owned cell, -1 on the other ranks.
+  std::vector<Vec3> points_;
+  std::vector<Located> cells_;
 };
 
 }  // namespace polyslip::assembly

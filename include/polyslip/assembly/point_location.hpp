@@ -1,7 +1,9 @@
 // The owned cell or fracture face that a point belongs to, the same on any number of ranks.
 #pragma once
 
+#include <span>
 #include <string>
+#include <vector>
 
 #include "polyslip/mesh/distributed_mesh.hpp"
 
@@ -16,6 +18,7 @@ struct Located {
 
 /// The cell that holds a point or comes closest to it, by the planes of its faces. Of several equally near, that with the lowest
 /// number in the serial mesh. Collective.
+std::vector<Located> locate_in_cells(const mesh::DistributedMesh& mesh, std::span<const Vec3> points);
 Located locate_in_cells(const mesh::DistributedMesh& mesh, const Vec3& at);
 
 /// The face of a fracture (its name) that is nearest to a point; likewise. Collective.

@@ -36,6 +36,10 @@ std::vector<HydraulicProperties> cell_hydraulics(const mesh::PolyMesh& mesh, con
 /// size()).
 void local_transmissibilities(const spaces::HfvCell& element, const Eigen::Matrix3d& mobility, std::span<double> T);
 
+/// Lets nothing through face i: its p_i becomes that for which F_i = 0, and is eliminated from the other fluxes. Row and column i of
+/// T, shape (n, n), are 0 then. Faces may be sealed one after another, each once.
+void seal_face(std::span<double> T, std::size_t n, std::size_t i);
+
 /// The element over [p_K, p_1 .. p_n] from its T; row-major, shape (n + 1, n + 1).
 void element_matrix(std::span<const double> T, int n, std::span<double> matrix);
 

@@ -31,12 +31,15 @@ struct FractureFlowRule {
   std::optional<Expression> permeability;          ///< Tangential K_f [m2], C_f = K_f d_f; d_f^2/12 (cubic law) where not given.
   std::optional<Expression> normal_permeability;   ///< K_fn [m2], T_f = 2 K_fn/(eta d_f); d_f^2/12 where not given.
   Expression dilation;                             ///< tan(psi) [-]: d_f = d_f^c - [u]_n + tan(psi) |[u]_t - [u]_t^0|
+  bool barrier = false;                            ///< It interrupts the flow along the fractures that it meets or crosses.
   std::string place;
 };
 
-/// Conditions on boundary faces of one tag, or "all"; a later rule wins. Faces that no rule speaks of let no fluid through.
+/// Conditions on boundary faces of one tag, or "all", where `where` at their centre is not zero; a later rule wins. Faces that no rule speaks of let no fluid through.
 struct FlowBoundaryRule {
   std::string tag;
+  std::string name;                   ///< What goes through its faces is recorded under this name; empty: it is not.
+  std::optional<Expression> where;
   std::optional<Expression> pressure;  ///< p [Pa]; fractures that reach the boundary there take it too.
   std::optional<Expression> flux;      ///< V.n [m/s], outward (injection is negative); into the rock only.
   std::string place;

@@ -17,6 +17,7 @@ struct FractureHydraulics {
   double dilation = 0;                        ///< tan(psi) [-]
   std::optional<double> permeability;         ///< K_f [m2]
   std::optional<double> normal_permeability;  ///< K_fn [m2]
+  bool barrier = false;                       ///< Whether it interrupts the flow along the fractures that it meets.
 };
 
 /// Properties of each of the `faces` of the mesh, by the rules, at its centre; aligned with `faces`.

@@ -38,11 +38,20 @@ struct Window {
   std::string place;
 };
 
+/// A named line along which displacement and pressure are written beside the fields.
+struct Line {
+  std::string name;
+  Vec3 from = Vec3::Zero(), to = Vec3::Zero();  ///< Its ends, both among the points [m].
+  int points = 2;                               ///< Equally spaced.
+  std::string place;
+};
+
 struct Output {
   int every = 1;  ///< Fields are written after every so many accepted steps, and always after the last.
   int checkpoint_every = 0;  ///< A checkpoint is written after every so many accepted steps; 0: at the end and when stopped.
   std::vector<Probe> probes;
   std::vector<Window> windows;
+  std::vector<Line> lines;
 };
 
 struct Scene {

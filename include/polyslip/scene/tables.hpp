@@ -24,8 +24,9 @@ struct StepFigures {
 /// All but the books.
 StepFigures figures_of(const Model& model);
 
-/// Columns of history.csv: step, time, sizes, iterations, contact; displacements at the probes; books, pressures, pressures at the
-/// probes; windows. Those of mechanics, or of flow, are there where the scene has it.
+/// Columns of history.csv: step, time, sizes, iterations, contact; displacements at the probes; books, pressures, outflow and
+/// pressure of named parts of the boundary, pressures at the probes; windows. Those of mechanics, or of flow, are there where the
+/// scene has it.
 class Tables {
  public:
   /// Replaces files of an earlier run; with `kept_steps`, goes on behind their rows up to that step.
@@ -38,9 +39,8 @@ class Tables {
  private:
   void add_windows(const Model& model, const StepFigures& figures, std::vector<double>& row) const;
 
-  bool has_mechanics_, has_flow_;
-  std::vector<assembly::PointProbe> displacement_probes_;
-  std::vector<assembly::PressureProbe> pressure_probes_;
+  std::optional<assembly::DisplacementProbes> displacement_probes_;
+  std::optional<assembly::PressureProbes> pressure_probes_;
   std::vector<assembly::FractureWindow> windows_;
   io::CsvTable history_, newton_;  ///< Of rank 0; those of other ranks write nothing.
 };

@@ -62,6 +62,16 @@ TEST_P(flow_loads, flux_through_a_side_sums_to_its_integral) {
   EXPECT_NEAR(centre_of_sources(scene).x(), 1, 1e-14);
 }
 
+TEST_P(flow_loads, rules_hold_where_they_say) {
+  FlowProblem problem = flow_problem(dim_);
+  problem.boundary = {given_pressure("left", "0"), given_flux("all", "4")};
+  problem.boundary[1].where = expression("x > 1 - 1e-9 && y < 0.5");
+  FlowScene scene(box(), problem);
+  EXPECT_NEAR(total(scene.system->loads().sources), -2, 1e-13);
+  EXPECT_NEAR(centre_of_sources(scene).y(), 0.25, 1e-14);
+  EXPECT_GT(scene.system->load_assembler().fixed_total(), 0);
+}
+
 TEST_P(flow_loads, wells_feed_one_cell_or_one_face_of_their_fracture) {
   FlowSource well = source(FlowSource::Kind::well, "7");
   well.at = {0.31, 0.62, dim_ == 3 ? 0.13 : 0.0};
@@ -162,6 +172,9 @@ TEST(flow_conditions, refusals_name_what_is_wrong_on_all_ranks) {
   FlowProblem tag = flow_problem(2);
   tag.boundary = {given_pressure("lid", "0")};
   expect_refusal(tag, "'lid'");
+  tag.boundary = {given_pressure("left", "0")};
+  tag.boundary[0].where = expression("x > 0.5");
+  expect_refusal(tag, "boundary face of 'left'");
   // Wrong in one corner only, which one rank alone may own.
   FlowProblem rock_rule = flow_problem(2);
   rock_rule.materials[0].biot = expression("x + y < 0.3 ? 2 : 1");

@@ -131,6 +131,20 @@ HydraulicRule rock(std::array<double, 6> K) {
   return rule;
 }
 
+TEST_P(darcy_cells, lose_the_flux_through_a_sealed_face_and_keep_the_others_at_the_pressure_that_settles_there) {
+  for_each_element([&](const Eigen::Matrix3d& mobility) {
+    const RowMajor T = transmissibilities(hfv_, mobility);
+    RowMajor sealed = T;
+    const Eigen::Index n = T.rows(), i = n - 1;
+    seal_face({sealed.data(), static_cast<std::size_t>(n * n)}, static_cast<std::size_t>(n), static_cast<std::size_t>(i));
+    Eigen::VectorXd v = differences(hfv_, {0.4, -1.3, 0.7});
+    v[i] -= T.row(i).dot(v) / T(i, i);  // now F_i = 0
+    EXPECT_LT((sealed * v - T * v).norm(), 1e-12 * T.norm() * v.norm());
+    EXPECT_EQ(sealed.row(i).norm() + sealed.col(i).norm(), 0);
+    EXPECT_LT((sealed - sealed.transpose()).norm(), 1e-14 * T.norm());
+  });
+}
+
 TEST(cell_hydraulics, place_the_components_of_the_tensor) {
   Eigen::Matrix3d K;
   K << 7, 1, 3, 1, 8, 2, 3, 2, 9;

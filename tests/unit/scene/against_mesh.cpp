@@ -12,7 +12,7 @@ fractures: [{name: f1, group: FRACTURE_1}]
 materials: [{young: 1, poisson: 0.25}, {region: clay, young: 2, poisson: 0.25}]
 mechanics: {boundary: [{on: [west, east], displacement: [0, 0]}]}
 contact: {law: frictionless, fractures: [{name: f1, fracture_pressure: 1}]}
-output: {probes: [{name: a, at: [1, 1]}]}
+output: {probes: [{name: a, at: [1, 1]}], lines: [{name: a, from: [0, 0], to: [1, 1.5], points: 3}]}
 )";
 
 mesh::PolyMesh cracked_mesh() {
@@ -52,6 +52,7 @@ TEST(against_mesh, unknown_names_are_refused_with_the_nearest) {
          "dir/scene.yaml:2 (fractures[0]): the mesh has no group \"FRACTURE_2\". Did you mean \"FRACTURE_1\"?");
   expect("[{name: f1, fracture", "[{name: f2, fracture", "dir/scene.yaml:5 (contact.fractures[0]): there is no fracture \"f2\"");
   expect("at: [1, 1]", "at: [1, 3]", "dir/scene.yaml:6 (output.probes[0]): the probe at (1, 3, 0) lies outside the mesh");
+  expect("to: [1, 1.5]", "to: [1, 3]", "dir/scene.yaml:6 (output.lines[0]): the end of the line at (1, 3, 0) lies outside the mesh");
 }
 
 TEST(against_mesh, the_dimension_must_be_the_same) {

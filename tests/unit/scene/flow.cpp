@@ -78,6 +78,9 @@ TEST(flow_scenes, fill_the_flow_problem) {
   EXPECT_FALSE(flow.boundary[1].flux);
   EXPECT_EQ(flow.boundary[2].tag, "right");
   EXPECT_EQ((*flow.boundary[2].flux)(at), -1e-6);
+  EXPECT_EQ(flow.boundary[2].name, "inlet");
+  EXPECT_EQ((*flow.boundary[2].where)(at), 0);
+  EXPECT_FALSE(flow.boundary[1].where);
 }
 
 TEST(flow_scenes, list_sources_then_wells) {
@@ -112,6 +115,8 @@ TEST(flow_scenes, let_single_fractures_differ) {
   EXPECT_TRUE(rules[1].dilation.is_zero());
   EXPECT_EQ((*rules[1].permeability)(at), 1e-9);
   EXPECT_EQ((*rules[1].normal_permeability)(at), 1e-12);
+  EXPECT_FALSE(rules[0].barrier);
+  EXPECT_TRUE(rules[1].barrier);
   EXPECT_TRUE(parse(coupled, {"flow.fractures=null", "flow.sources[1].fracture=null", "flow.sources[1].rate=1",
                               "flow.wells[0].fracture=null"})
                   .flow->fractures.empty())

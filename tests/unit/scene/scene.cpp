@@ -51,6 +51,7 @@ time: {start: 1, end: 5, step: 0.5}
 output:
   every: 2
   probes: [{name: middle, at: [0, 0.5, 0]}]
+  lines: [{name: up, from: [0, 0, 0], to: [0, 1, 0]}]
   windows: [{name: whole}, {name: part, fracture: tilted, where: z > 0.5}]
 exact:
   displacement: [x, y, P]
@@ -83,6 +84,10 @@ TEST(scenes, fill_every_struct) {
   EXPECT_FALSE(scene.output.windows[0].rule.where);
   EXPECT_EQ(scene.output.windows[1].rule.fracture, "tilted");
   EXPECT_EQ((*scene.output.windows[1].rule.where)({.x = Vec3(0, 0, 1)}), 1);
+  ASSERT_EQ(scene.output.lines.size(), 1U);
+  EXPECT_EQ(scene.output.lines[0].name, "up");
+  EXPECT_EQ(scene.output.lines[0].to, Vec3(0, 1, 0));
+  EXPECT_EQ(scene.output.lines[0].points, 101) << "by default";
 }
 
 TEST(scenes, fill_the_box) {

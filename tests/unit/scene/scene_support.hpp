@@ -43,7 +43,7 @@ flow:
   reference_pressure: 1e4*(1 - y)
   boundary:
     - {on: [left, top], pressure: 1e5*t}
-    - {on: right, flux: -1e-6}
+    - {on: right, name: inlet, where: y > 0.5, flux: -1e-6}
   sources:
     - {region: rock, rate: 1e-9}
     - {fracture: all, rate: tip_distance}
@@ -54,10 +54,10 @@ flow:
     contact_aperture: 1e-4*sqrt(tip_distance/fracture_length)
     dilation_angle: 3
     fractures:
-      - {name: joint, permeability: 1e-9, normal_permeability: 1e-12, dilation: 0}
+      - {name: joint, permeability: 1e-9, normal_permeability: 1e-12, dilation: 0, barrier: true}
 initial: {stress: {yy: -1e6*(1 - y), xy: 2e5}}
 time: {start: 0, end: 100, step: 10, smallest_step: 0.1, largest_step: 20, outputs: [25, 75.5]}
-output: {every: 4, checkpoint_every: 3}
+output: {every: 4, checkpoint_every: 3, lines: [{name: middle, from: [0, 0.5], to: [2, 0.5], points: 5}]}
 exact: {pressure: x + t, flux: [1, -t], displacement: [x, y]}
 )YAML";
 

@@ -110,6 +110,59 @@ INSTANTIATE_TEST_SUITE_P(every_planar_shape, flow_series,
                                           testing::Values(SeriesCase{1e-2, 1e-6}, SeriesCase{1e-1, 1e2})),
                          SeriesName());
 
+/// Pressures along the fracture y = 1/2 between 1 on the left and 0 on the right, where hardly any fluid enters the rock and the
+/// fracture x = 1/2, itself of little permeability, crosses it.
+std::vector<std::pair<double, double>> pressures_along_a_crossed_fracture(const Shape& shape, bool barrier) {
+  FlowProblem problem = flow_problem(2);
+  problem.fractures = {fracture("1e-3", 1.0, 1e-15), fracture("1e-3", 1e-9, 1e-15)};
+  problem.fractures[1].fracture = "across_x";
+  problem.fractures[1].barrier = barrier;
+  problem.boundary = {given_pressure("left", "1"), given_pressure("right", "0")};
+  FlowScene scene(crossed(shape), problem);
+  solve(scene);
+  const auto books = scene.system->balance(scene.q, scene.q);
+  EXPECT_LT(std::abs(books.error()), 1e-12 * books.turnover);
+  const auto pressures = assembly::fracture_pressures(*scene.system, scene.q);
+  const auto fluxes = assembly::fracture_fluxes(*scene.system, scene.q);
+  std::vector<std::pair<double, double>> found;
+  for (Index f = 0; f < scene.mesh.fractures.owned; ++f) {
+    const Vec3& x = scene.point(scene.system->layout().fracture(f));
+    if (std::abs(x.y() - 0.5) > 1e-9) continue;
+    found.emplace_back(x.x(), pressures[f]);
+    EXPECT_NEAR(fluxes[3 * static_cast<std::size_t>(f)], barrier ? 0 : 1e-3 / viscosity, 1e-6 * 1e-3 / viscosity);
+  }
+  EXPECT_EQ(mpi::sum(PETSC_COMM_WORLD, static_cast<long long>(found.size())), 4);
+  return found;
+}
+
+TEST(flow_crossings, conduct_along_fractures_but_where_a_barrier_takes_part) {
+  for (const char* shape : {"quads", "triangles"}) {
+    for (const auto& [x, p] : pressures_along_a_crossed_fracture({2, shape}, false)) EXPECT_NEAR(p, 1 - x, 1e-6);
+    for (const auto& [x, p] : pressures_along_a_crossed_fracture({2, shape}, true)) EXPECT_NEAR(p, x < 0.5 ? 1 : 0, 1e-6);
+  }
+}
+
+TEST_P(flow_patches, named_parts_of_the_boundary_tell_their_outflow_and_mean_pressure) {
+  // Linear pressure 2 + g.x along a fracture through the box that takes part in the flow.
+  const Vec3 g(0, -1.3, 0);
+  FlowProblem problem = flow_problem(dim_);
+  problem.materials = {rock(Eigen::Matrix3d(4e-3 * Eigen::Matrix3d::Identity()))};
+  problem.fractures = {fracture("0.1", 0.5, 1.0)};
+  problem.boundary = {given_pressure("all", linear(2, g)), given_pressure("all", linear(2, g)), given_flux("all", "-4e-3*1.3/2e-3")};
+  problem.boundary[1].name = "end";
+  problem.boundary[1].where = expression("y > 1 - 1e-9");
+  problem.boundary[2].name = "half";
+  problem.boundary[2].where = expression("y < 1e-9 && x < 0.5");
+  FlowScene scene([shape = GetParam()] { return fractured_box(shape, 4, 0, 1); }, problem);
+  solve(scene);
+  EXPECT_EQ(assembly::boundary_names(scene.problem), (std::vector<std::string>{"end", "half"}));
+  const auto figures = assembly::boundary_figures(*scene.system, scene.q);
+  EXPECT_NEAR(figures[0].outflow, 1.3 / viscosity * (4e-3 + 0.5 * 0.1), 1e-10) << "rock and fracture";
+  EXPECT_NEAR(figures[0].pressure, 0.7, 1e-12);
+  EXPECT_NEAR(figures[1].outflow, -1.3 / viscosity * 4e-3 / 2, 1e-12);
+  EXPECT_NEAR(figures[1].pressure, 2, 1e-12);
+}
+
 /// A transient problem with all that there is: crossing fractures with tips, wells, sources, boundary pressures and fluxes.
 FlowProblem busy(int dim) {
   FlowProblem problem = flow_problem(dim, false);
