@@ -44,16 +44,27 @@ std::vector<PressureTable> pressure_tables(const assembly::FlowSystem& flow) {
   return tables;
 }
 
-void save_mechanics(const assembly::MechanicsSystem& system, Vec x, std::vector<CheckpointTable>& tables) {
+/// Names of tables of the state before the accepted one begin with this.
+constexpr const char* before = "before_";
+
+void save_displacement(const assembly::MechanicsSystem& system, Vec x, const std::string& prefix, std::vector<CheckpointTable>& tables) {
   const assembly::Layout& layout = system.layout();
   const mesh::DistributedMesh& mesh = system.mesh();
-  tables.push_back({"displacement", layout.dim(), owned(mesh.copy_input, mesh.copies.owned), slice(x, 0, layout.nodal_size())});
+  tables.push_back({prefix + "displacement", layout.dim(), owned(mesh.copy_input, mesh.copies.owned), slice(x, 0, layout.nodal_size())});
   if (layout.bubbles() == spaces::Bubbles::all)
-    tables.push_back({"normal_bubble", 1, layout.normal_input(), slice(x, layout.nodal_size(), layout.displacement_size() - layout.nodal_size())});
+    tables.push_back({prefix + "normal_bubble", 1, layout.normal_input(),
+                      slice(x, layout.nodal_size(), layout.displacement_size() - layout.nodal_size())});
   if (mesh.fractures.total == 0) return;
   const auto faces = owned(mesh.fracture_face_input, mesh.fractures.owned);
-  tables.push_back({"bubble", layout.dim(), faces, slice(x, layout.bubble_start(), layout.fracture_size())});
-  tables.push_back({"multiplier", layout.dim(), faces, slice(x, layout.multiplier_start(), layout.fracture_size())});
+  tables.push_back({prefix + "bubble", layout.dim(), faces, slice(x, layout.bubble_start(), layout.fracture_size())});
+  tables.push_back({prefix + "multiplier", layout.dim(), faces, slice(x, layout.multiplier_start(), layout.fracture_size())});
+}
+
+void save_mechanics(const assembly::MechanicsSystem& system, Vec x, std::vector<CheckpointTable>& tables) {
+  save_displacement(system, x, "", tables);
+  const mesh::DistributedMesh& mesh = system.mesh();
+  if (mesh.fractures.total == 0) return;
+  const auto faces = owned(mesh.fracture_face_input, mesh.fractures.owned);
   const auto save_jumps = [&](const char* name, std::span<const Vec3> jumps) {
     std::vector<double> values;
     for (const Vec3& jump : jumps.first(faces.size())) values.insert(values.end(), jump.begin(), jump.end());
@@ -63,20 +74,28 @@ void save_mechanics(const assembly::MechanicsSystem& system, Vec x, std::vector<
   save_jumps("initial_jump", system.initial_jumps());
 }
 
-void resume_mechanics(const Checkpoint& checkpoint, assembly::MechanicsSystem& system, Vec x) {
+void resume_displacement(const Checkpoint& checkpoint, const assembly::MechanicsSystem& system, const std::string& prefix, Vec x) {
   const mesh::DistributedMesh& mesh = system.mesh();
   const int dim = system.layout().dim();
   assembly::MechanicalState state = system.layout().create_state();
   const auto resume = [&](const char* table, int components, std::span<const GlobalIndex> numbers, Index first) {
-    const std::vector<double> values = checkpoint.rows(table, components, numbers);
+    const std::vector<double> values = checkpoint.rows(prefix + table, components, numbers);
     std::copy(values.begin(), values.end(), state.displacement.begin() + first);
   };
   resume("displacement", dim, owned(mesh.copy_input, mesh.copies.owned), 0);
   if (system.layout().bubbles() == spaces::Bubbles::all) resume("normal_bubble", 1, system.layout().normal_input(), system.layout().nodal_size());
+  if (mesh.fractures.total > 0) {
+    state.bubble = checkpoint.rows(prefix + "bubble", dim, mesh.fracture_face_input);
+    state.multiplier = checkpoint.rows(prefix + "multiplier", dim, mesh.fracture_face_input);
+  }
+  system.layout().scatter(state, x);
+}
+
+void resume_mechanics(const Checkpoint& checkpoint, assembly::MechanicsSystem& system, Vec x) {
+  resume_displacement(checkpoint, system, "", x);
+  const mesh::DistributedMesh& mesh = system.mesh();
   const auto& faces = mesh.fracture_face_input;
   if (mesh.fractures.total > 0) {
-    state.bubble = checkpoint.rows("bubble", dim, faces);
-    state.multiplier = checkpoint.rows("multiplier", dim, faces);
     const auto jumps = [&](const char* name) {
       const std::vector<double> values = checkpoint.rows(name, 3, faces);
       std::vector<Vec3> vectors;
@@ -86,24 +105,41 @@ void resume_mechanics(const Checkpoint& checkpoint, assembly::MechanicsSystem& s
     system.set_previous_jumps(jumps("previous_jump"));
     system.set_initial_jumps(jumps("initial_jump"));
   }
-  system.layout().scatter(state, x);
 }
 
-void save_flow(const assembly::FlowSystem& flow, Vec q, std::vector<CheckpointTable>& tables) {
+void save_flow(const assembly::FlowSystem& flow, Vec q, const std::string& prefix, std::vector<CheckpointTable>& tables) {
   const assembly::VecRead a(q);
   for (const PressureTable& table : pressure_tables(flow)) {
     std::vector<double> values;
     for (Index i = 0; i < table.numbering.owned; ++i) values.push_back(a[(flow.layout().*table.unknown)(i)]);
-    tables.push_back({table.name, 1, owned(table.numbers, table.numbering.owned), std::move(values)});
+    tables.push_back({prefix + table.name, 1, owned(table.numbers, table.numbering.owned), std::move(values)});
   }
 }
 
-void resume_flow(const Checkpoint& checkpoint, const assembly::FlowSystem& flow, Vec q) {
+void resume_flow(const Checkpoint& checkpoint, const assembly::FlowSystem& flow, const std::string& prefix, Vec q) {
   const assembly::VecWrite a(q);
   for (const PressureTable& table : pressure_tables(flow)) {
-    const auto values = checkpoint.rows(table.name, 1, owned(table.numbers, table.numbering.owned));
+    const auto values = checkpoint.rows(prefix + table.name, 1, owned(table.numbers, table.numbering.owned));
     for (Index i = 0; i < table.numbering.owned; ++i) a[(flow.layout().*table.unknown)(i)] = values[static_cast<std::size_t>(i)];
   }
+}
+
+/// What a coupled step starts from beside the accepted state; nothing where there is no such state.
+void save_before(const solver::CoupledStep& step, const Model& model, io::CheckpointValues& values, std::vector<CheckpointTable>& tables) {
+  const solver::CoupledStep::Before state = step.before();
+  if (state.size <= 0) return;
+  values.scalars["before_size"] = state.size;
+  save_displacement(*model.mechanics(), state.x, before, tables);
+  save_flow(*model.flow(), state.q, before, tables);
+}
+
+void resume_before(const Checkpoint& checkpoint, const Model& model, solver::CoupledStep& step) {
+  if (!checkpoint.has_scalar("before_size")) return;
+  solver::CoupledStep::Before state = step.before();
+  state.size = checkpoint.scalar("before_size");
+  resume_displacement(checkpoint, *model.mechanics(), before, state.x);
+  resume_flow(checkpoint, *model.flow(), before, state.q);
+  step.restore_before(state);
 }
 
 /// The counters of all runs so far by their names in the checkpoint.
@@ -205,7 +241,8 @@ void save_run(const std::filesystem::path& file, const Scene& scene, const Model
   if (summary.balance.energy_violation_max) values.scalars["energy_violation_max"] = *summary.balance.energy_violation_max;
   std::vector<CheckpointTable> tables;
   if (model.mechanics()) save_mechanics(*model.mechanics(), model.displacement().accepted, tables);
-  if (model.flow()) save_flow(*model.flow(), model.pressure().accepted, tables);
+  if (model.flow()) save_flow(*model.flow(), model.pressure().accepted, "", tables);
+  if (model.coupled_step() != nullptr) save_before(*model.coupled_step(), model, values, tables);
   io::write_checkpoint(model.mesh().comm, file, values, tables);
 }
 
@@ -214,7 +251,7 @@ solver::StepperState resume_run(const io::Checkpoint& checkpoint, const std::str
   if (!may_differ) check_scene(checkpoint, name, scene);
   check_mesh(checkpoint, name, model);
   if (model.mechanics()) resume_mechanics(checkpoint, *model.mechanics(), model.displacement().accepted);
-  if (model.flow()) resume_flow(checkpoint, *model.flow(), model.pressure().accepted);
+  if (model.flow()) resume_flow(checkpoint, *model.flow(), "", model.pressure().accepted);
   const auto resume = [&](const char* scalar, auto& value) {
     value = static_cast<std::remove_reference_t<decltype(value)>>(checkpoint.scalar(scalar));
   };
@@ -225,6 +262,7 @@ solver::StepperState resume_run(const io::Checkpoint& checkpoint, const std::str
                                std::pair("energy_violation_max", &summary.balance.energy_violation_max)})
     if (checkpoint.has_scalar(scalar)) *value = checkpoint.scalar(scalar);
   model.resume(steps.time, {checkpoint.scalar("load_fraction"), checkpoint.scalar("flow_step")});
+  if (model.coupled_step() != nullptr) resume_before(checkpoint, model, *model.coupled_step());
   return steps;
 }
 

@@ -13,6 +13,14 @@ namespace polyslip::solver {
 
 using assembly::MechanicsSystem;
 
+namespace {
+
+constexpr double nearly_solved = 0.03;  ///< Relative residual of the contact rows.
+/// Relative to the scene's beta. Springs leave jumps that know where faces slip; with more of them in z directions of slip settle sooner.
+constexpr double beta_after_springs = 3;
+
+}  // namespace
+
 /// One way to the solution: the size of beta relative to the scene's, a factor on friction reached before the whole of it, and whether
 /// springs come first.
 struct ContactNewton::Rung {
@@ -155,7 +163,9 @@ PetscErrorCode ContactNewton::test_convergence(SNES snes, PetscInt iteration, Pe
 }
 
 /// Many faces open or close in the first step, or change at all in the second: springs get there sooner than one layer of faces a step.
+/// Not where the contact rows are nearly solved: the last spring leaves about as much of them.
 bool ContactNewton::is_unsettled(int iteration) {
+  if (norms_.contact < nearly_solved * norms_.contact_scale) return unsettled_ = false;
   const auto many = [&](long long faces, double share) {
     return static_cast<double>(faces) > std::max(16.0, share * system_.fracture_faces());
   };
@@ -271,7 +281,7 @@ NewtonResult ContactNewton::solve(Vec x) {
   may_soften_ = true;
   bool converged = climb(x, {1, 1, false, ""}, result);
   may_soften_ = false;
-  if (!converged && unsettled_) converged = climb(x, {1, 1, true, ""}, result);
+  if (!converged && unsettled_) converged = climb(x, {beta_after_springs, 1, true, ""}, result);
   if (converged || system_.fracture_faces() == 0) return result;  // a linear problem has no remedy here
   static constexpr Rung ladder[] = {{0.3, 1, true, "springs first"},
                                     {0.1, 1, false, "another beta"},

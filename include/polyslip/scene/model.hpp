@@ -45,6 +45,7 @@ class Model {
 
   // --- fluid; null where the scene has no flow ---
   [[nodiscard]] assembly::FlowSystem* flow() const { return flow_.get(); }
+  [[nodiscard]] solver::CoupledStep* coupled_step() const { return coupled_step_; }  ///< Null but for rock and fluid together.
   [[nodiscard]] States pressure() const { return pressure_; }  ///< q = p - p_ref in the order of assembly::FlowLayout.
   /// d_f of the owned fracture faces at the trial state [m]; empty where fractures carry no fluid.
   [[nodiscard]] std::vector<double> apertures() const;

@@ -1,4 +1,8 @@
 // Backward Euler steps of rock, contact and fluid together: one monolithic Newton solve each.
+//
+// Newton starts from the better of two states, judged by their residuals: the accepted state z^n, or where it would go at its last speed,
+//   z^n + dt/dt^n (z^n - z^{n-1}),
+// which knows most of the faces that slip, open and close next. Where Newton fails from the second the first is tried.
 #pragma once
 
 #include "polyslip/assembly/energy_balance.hpp"
@@ -42,14 +46,27 @@ class CoupledStep : public StepProblem {
   /// previous and initial jumps are what the caller has given to the system.
   void restore(double time, double size);
 
+  /// The state before the accepted one and the size of the step between them; a size of 0 says that there is none.
+  struct Before {
+    la::Handle<Vec> x, q;
+    double size = 0;  ///< [s]
+  };
+  [[nodiscard]] Before before() const;
+  /// To be called after restore(), which forgets it.
+  void restore_before(const Before& before);
+
  private:
   void take_over();
+  NewtonResult solve();
+  bool extrapolate(double size);
+  [[nodiscard]] bool is_better(Vec guess, Vec than) const;
   void close_books();
 
   assembly::CoupledSystem& system_;
   ContactNewton& newton_;
-  la::Handle<Vec> z_, accepted_z_;
+  la::Handle<Vec> z_, accepted_z_, before_z_;
   la::Handle<Vec> x_, q_, accepted_x_, accepted_q_;
+  double size_ = 0, before_size_ = 0;  ///< Of the last attempt; of the step from before_z_ to accepted_z_, 0 where there was none [s].
   CoupledBooks books_;
   double elastic_ = 0;  ///< Of the accepted state [J].
 };

@@ -135,6 +135,104 @@ TEST_P(coupled_steps, are_the_same_by_fixed_stress_and_by_factorisation) {
   }
 }
 
+/// A step of a quarter from t = 3/4 after three such steps; where Newton starts and what it finds.
+struct LastStep {
+  solver::NewtonRecord start;
+  int newton = 0;
+  la::Handle<Vec> x;
+};
+
+/// `change` may alter what is kept of the state before the accepted one.
+LastStep last_step(CoupledScene& scene, const std::function<void(solver::CoupledStep&, solver::CoupledStep::Before&)>& change) {
+  solver::ContactNewton newton(*scene.system, std::make_unique<solver::CoupledSolver>(*scene.system));
+  solver::CoupledStep step(*scene.system, newton, 0);
+  for (double t : {0.0, 0.25, 0.5}) {
+    EXPECT_TRUE(step.attempt(t, t + 0.25, t + 0.25).converged);
+    step.accept();
+  }
+  auto before = step.before();
+  change(step, before);
+  step.restore_before(before);
+  LastStep last{{}, 0, scene.system->layout().create_vector()};
+  newton.monitor = [&](const solver::NewtonRecord& record) {
+    if (record.iteration == 0 && record.remedy.empty()) last.start = record;
+  };
+  const auto outcome = step.attempt(0.75, 1, 1);
+  EXPECT_TRUE(outcome.converged) << outcome.message;
+  last.newton = outcome.newton;
+  POLYSLIP_PETSC(VecCopy(step.trial(), last.x));
+  return last;
+}
+
+void forget(solver::CoupledStep&, solver::CoupledStep::Before& before) { before.size = 0; }
+
+TEST_P(coupled_steps, start_where_the_last_speed_leads) {
+  CoupledScene scene(shape_, {.bubbles = bubbles_}), other(shape_, {.bubbles = bubbles_});
+  const LastStep led = last_step(scene, [](auto&, auto&) {}), plain = last_step(other, forget);
+  EXPECT_LT(led.start.momentum + led.start.contact, 0.1 * (plain.start.momentum + plain.start.contact));
+  EXPECT_LE(led.newton, plain.newton + 1);
+  POLYSLIP_PETSC(VecAXPY(led.x, -1.0, plain.x));
+  EXPECT_LT(norm(led.x), 1e-8 * norm(plain.x));
+}
+
+TEST_P(coupled_steps, start_where_they_are_when_the_last_speed_misleads) {
+  CoupledScene scene(shape_, {.bubbles = bubbles_}), other(shape_, {.bubbles = bubbles_});
+  const LastStep misled = last_step(scene, [](auto& step, auto& before) {
+    POLYSLIP_PETSC(VecCopy(step.accepted(), before.x));
+    POLYSLIP_PETSC(VecScale(before.x, 3.0));
+  });
+  const LastStep plain = last_step(other, forget);
+  EXPECT_NEAR(misled.start.momentum, plain.start.momentum, 1e-9 * plain.start.momentum);
+  EXPECT_EQ(misled.newton, plain.newton);
+}
+
+/// Krylov iterations of the direction at z.
+int iterations_at(CoupledSystem& system, solver::CoupledSolver& linear, Vec z) {
+  la::Handle<Vec> f = system.create_vector(), direction = system.create_vector();
+  system.residual(z, f);
+  system.linearise(z, linear.content());
+  linear.matrix_changed(system.states(z), false);
+  EXPECT_EQ(linear.solve(f, direction, system.norms(z, f), 1e-9, false), 0);
+  return linear.last_iterations();
+}
+
+/// Iterations so far of the estimates of eigenvalues for the smoother of the finest displacements.
+PetscInt iterations_of_estimates(KSP ksp) {
+  PC pc = nullptr, displacement = nullptr;
+  KSP *blocks = nullptr, smoother = nullptr, estimate = nullptr;
+  PetscInt n = 0, levels = 0;
+  POLYSLIP_PETSC(KSPGetPC(ksp, &pc));
+  POLYSLIP_PETSC(PCFieldSplitSchurGetSubKSP(pc, &n, &blocks));
+  POLYSLIP_PETSC(KSPGetPC(blocks[0], &displacement));
+  POLYSLIP_PETSC(PCMGGetLevels(displacement, &levels));
+  POLYSLIP_PETSC(PCMGGetSmoother(displacement, levels - 1, &smoother));
+  POLYSLIP_PETSC(KSPChebyshevEstEigGetKSP(smoother, &estimate));
+  POLYSLIP_PETSC(KSPGetTotalIterations(estimate, &n));
+  POLYSLIP_PETSC(PetscFree(blocks));
+  return n;
+}
+
+TEST(fixed_stress, serves_fractures_that_close_as_well_as_when_set_up_for_them) {
+  const ScopedOption split("-coupled_pc_type", "fieldsplit"), tolerance("-coupled_ksp_rtol", "1e-8");
+  CoupledScene scene({3, "hexahedra"}, {.friction = 2}, 8);
+  CoupledSystem& system = *scene.system;
+  la::Handle<Vec> open = system.create_vector(), closed = system.create_vector();
+  ASSERT_TRUE(system.begin_step(closed, 0.3));
+  scene.flow->set_loads(scene.flow->load_assembler().at(1));
+  system.set_loads(system.load_assembler().at(1));
+  {
+    const assembly::VecWrite a(open), b(closed);
+    for (Index i = system.layout().multiplier_start(); i < system.layout().size(); i += 3) a[i] = -1, b[i] = 1;
+  }
+  solver::CoupledSolver updated(system), fresh(system);
+  iterations_at(system, updated, open);
+  const PetscInt estimates = iterations_of_estimates(updated.ksp());
+  const int after_update = iterations_at(system, updated, closed);
+  EXPECT_EQ(updated.counts().setups, 1);
+  EXPECT_GT(iterations_of_estimates(updated.ksp()), estimates) << "the smoother still has the eigenvalues of open faces";
+  EXPECT_LE(after_update, iterations_at(system, fresh, closed) + 3);
+}
+
 INSTANTIATE_TEST_SUITE_P(every_shape, coupled_steps,
                          testing::Combine(testing::ValuesIn(planar_shapes()), testing::Values(spaces::Bubbles::fracture, spaces::Bubbles::all)),
                          ShapeAndBubblesName());

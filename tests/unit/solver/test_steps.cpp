@@ -108,6 +108,43 @@ TEST(mechanics_steps_of_given_loads, apply_them_in_parts) {
   }
 }
 
+/// Faces that change in the first Newton iteration, and iterations with springs.
+struct Approach {
+  long long changed = 0;
+  int springs = 0;
+};
+
+Approach approach(ContactScene& scene, double time) {
+  scene.system->set_loads(scene.system->load_assembler().at(time));
+  solver::ContactNewton newton(*scene.system);
+  Approach found;
+  newton.monitor = [&](const solver::NewtonRecord& record) {
+    found.springs += record.remedy.find("springs") != std::string::npos ? 1 : 0;
+    if (record.iteration == 1 && record.remedy.empty() && found.springs == 0) found.changed = record.changed;
+  };
+  EXPECT_TRUE(newton.solve(scene.x).converged);
+  return found;
+}
+
+TEST(springs, come_first_where_many_faces_open_or_close_far_from_a_solution) {
+  ContactScene scene([] { return fractured_box({2, "quads"}, 128, 0, 1); }, mixed_contact(2));
+  EXPECT_GT(approach(scene, 1).springs, 0);
+}
+
+TEST(springs, stay_away_where_many_faces_open_near_a_solution) {
+  // Uniaxial strain: lam_n = (2 mu + lambda)/100 less the fluid pressure, which takes a quarter of the faces from just above 0 to just below.
+  physics::MechanicsProblem problem;
+  problem.boundary = {hold("left", {"0", "0"}), hold("right", {"-0.01", "0"}), hold("bottom", {"", "0"}), hold("top", {"", "0"})};
+  problem.contact = {contact(physics::FrictionLaw::coulomb, 0.5)};
+  problem.contact[0].fracture_pressure = Expression(fmt::format("y < 0.25 ? {:.17g} + 0.001*t : 0", (2 * mu + lambda) / 100 - 0.0015), {}, "test");
+  ContactScene scene([] { return fractured_box({2, "quads"}, 128, 0, 1); }, problem);
+  approach(scene, 1);
+  ASSERT_EQ(scene.counts()[0], 0);
+  const Approach second = approach(scene, 2);
+  EXPECT_GT(second.changed, 16) << "many faces are meant to open";
+  EXPECT_EQ(second.springs, 0);
+}
+
 TEST_F(mechanics_steps, go_on_from_a_state_that_was_kept) {
   TimeStepper stepper(steps_, {0, 0.5, 0.25});
   ASSERT_EQ(stepper.run().end, End::finished);
