@@ -8,6 +8,7 @@
 #include <cctype>
 #include <charconv>
 #include <cmath>
+#include <iterator>
 #include <numbers>
 #include <optional>
 #include <regex>
@@ -107,38 +108,77 @@ std::string spoken(const mu::ParserError& error) {
   return message;
 }
 
-/// What formulas read and write: the variables and, in order, the definitions that are used, each bound to a slot.
-struct Tape {
-  std::array<double, variable_names.size()> variables{};  ///< In the order of variable_names.
-  std::vector<double> slots;                              ///< Values of the definitions, by their number.
-  struct Step {
+/// Adds the numbers of `more` that `numbers` lacks; ascending.
+void merge(std::vector<std::size_t>& numbers, const std::vector<std::size_t>& more) {
+  std::vector<std::size_t> both;
+  std::ranges::set_union(numbers, more, std::back_inserter(both));
+  numbers = std::move(both);
+}
+
+}  // namespace
+
+/// Variables and definitions as formulas read them, shared by all expressions with the same definitions: at one point each definition is
+/// evaluated once, however many expressions use it.
+struct Definitions::Tape {
+  /// A formula ready to evaluate. What it uses is ascending, an order in which each definition comes after those it uses itself.
+  struct Formula {
     mu::Parser parser;
-    double* target;
+    std::vector<std::size_t> uses;  ///< Definitions that vary, directly or through others.
+    bool varies = false, time = false, fracture = false;
   };
-  std::vector<Step> steps;  ///< Definitions that vary, each after those it uses, and last the expression itself.
-  double value = 0;         ///< Of the expression.
-  bool time = false, fracture = false;
+  struct Definition {
+    std::optional<Formula> formula;  ///< Once it is used.
+    double value = 0;
+    unsigned long long point = 0;  ///< At which `value` was found, by number; 0: nowhere.
+  };
+
+  explicit Tape(const Definitions& from) : items(from.items), definitions(from.items.size()) {}
+
+  void move_to(const EvalPoint& at) {
+    const std::array<double, variable_names.size()> now{at.x[0], at.x[1], at.x[2], at.t, at.tip_distance, at.fracture_length};
+    if (now == variables && point > 0) return;
+    variables = now;
+    ++point;
+  }
+
+  /// At the point moved to.
+  double evaluate(const Formula& formula) {
+    for (const std::size_t i : formula.uses) {
+      Definition& definition = definitions[i];
+      if (definition.point == point) continue;
+      definition.value = definition.formula->parser.Eval();
+      definition.point = point;
+    }
+    return formula.parser.Eval();
+  }
+
+  const std::vector<std::pair<std::string, std::string>> items;
+  std::array<double, variable_names.size()> variables{};  ///< In the order of variable_names.
+  std::vector<Definition> definitions;                    ///< Formulas read them where they stand: never resized.
+  unsigned long long point = 0;                           ///< Number of the point moved to.
 };
+
+namespace {
+
+using Tape = Definitions::Tape;
+
+/// The tape of the definitions, made anew where they have changed since.
+std::shared_ptr<Tape> tape_of(const Definitions& definitions) {
+  if (!definitions.tape || definitions.tape->items != definitions.items) definitions.tape = std::make_shared<Tape>(definitions);
+  return definitions.tape;
+}
 
 /// Compiles a text and, once each, the definitions that it uses; those that turn out constant become constants.
 class Compiler {
  public:
   /// `variables`, the first of variable_names, may be used.
-  Compiler(Tape& out, const Definitions& definitions, std::size_t variables)
-      : out_(out), items_(definitions.items), used_(definitions.items.size()), n_variables_(variables) {
-    out_.slots.resize(items_.size());
-  }
-
-  /// A formula ready to evaluate and whether it varies with position or time.
-  struct Result {
-    mu::Parser parser;
-    bool varies;
-  };
+  Compiler(Tape& tape, std::size_t variables) : tape_(tape), n_variables_(variables) {}
 
   /// `visible` definitions, the first ones, may be used.
-  Result compile(const std::string& text, std::size_t visible, const std::string& where) {
+  Tape::Formula compile(const std::string& text, std::size_t visible, const std::string& where) {
     refuse_traps(text, where);
-    Result result{make_parser(), false};
+    Tape::Formula result;
+    result.parser = make_parser();
     for (const Word& word : words_of(text)) bind(word, text, visible, where, result);
     try {
       result.parser.SetExpr(text);
@@ -152,42 +192,44 @@ class Compiler {
   }
 
  private:
-  void bind(const Word& word, const std::string& text, std::size_t visible, const std::string& where, Result& result) {
+  void bind(const Word& word, const std::string& text, std::size_t visible, const std::string& where, Tape::Formula& result) {
     const auto variable = std::ranges::find(variable_names, word.name);
     if (variable != variable_names.end()) {
       const auto i = static_cast<std::size_t>(variable - variable_names.begin());
       if (i >= n_variables_) refuse(where, text, fmt::format("\"{}\" varies", word.name), word.position, "A constant belongs here");
-      result.parser.DefineVar(word.name, &out_.variables[i]);
+      result.parser.DefineVar(word.name, &tape_.variables[i]);
       result.varies = true;
-      out_.time = out_.time || i == time_variable;
-      out_.fracture = out_.fracture || i >= first_fracture_variable;
+      result.time = result.time || i == time_variable;
+      result.fracture = result.fracture || i >= first_fracture_variable;
       return;
     }
     if (word.called ? result.parser.GetFunDef().contains(word.name) : result.parser.GetConst().contains(word.name)) return;
-    const auto item = std::ranges::find(items_, word.name, [](const auto& named) { return named.first; });
-    const auto i = static_cast<std::size_t>(item - items_.begin());
+    const auto item = std::ranges::find(tape_.items, word.name, [](const auto& named) { return named.first; });
+    const auto i = static_cast<std::size_t>(item - tape_.items.begin());
     if (i >= visible) refuse_unknown(word, i, text, visible, where, result.parser);
-    if (!used_[i]) use(i, where);
-    if (*used_[i] == Use::constant) {
-      result.parser.DefineConst(word.name, out_.slots[i]);
-    } else {
-      result.parser.DefineVar(word.name, &out_.slots[i]);
-      result.varies = true;
-    }
+    use(i, where, result);
   }
 
-  void use(std::size_t i, const std::string& where) {
-    Result definition = compile(items_[i].second, i, where);
-    used_[i] = definition.varies ? Use::step : Use::constant;
-    if (definition.varies)
-      out_.steps.push_back({std::move(definition.parser), &out_.slots[i]});
-    else
-      out_.slots[i] = definition.parser.Eval();
+  void use(std::size_t i, const std::string& where, Tape::Formula& user) {
+    const std::string& name = tape_.items[i].first;
+    Tape::Definition& definition = tape_.definitions[i];
+    if (!definition.formula) {
+      definition.formula = compile(tape_.items[i].second, i, where);
+      if (!definition.formula->varies) definition.value = definition.formula->parser.Eval();
+    }
+    const Tape::Formula& used = *definition.formula;
+    if (!used.varies) return user.parser.DefineConst(name, definition.value);
+    user.parser.DefineVar(name, &definition.value);
+    user.varies = true;
+    user.time = user.time || used.time;
+    user.fracture = user.fracture || used.fracture;
+    merge(user.uses, used.uses);
+    merge(user.uses, {i});
   }
 
   [[noreturn]] void refuse_unknown(const Word& word, std::size_t item, const std::string& text, std::size_t visible,
                                    const std::string& where, const mu::Parser& parser) {
-    if (item < items_.size())
+    if (item < tape_.items.size())
       refuse(where, text, fmt::format("\"{}\" used before it is defined", word.name), word.position,
              "Order the definitions so that each uses only those before it");
     std::vector<std::string> known;
@@ -196,16 +238,13 @@ class Compiler {
     } else {
       known.assign(variable_names.begin(), variable_names.begin() + static_cast<std::ptrdiff_t>(n_variables_));
       known.emplace_back("pi");
-      for (std::size_t i = 0; i < visible; ++i) known.push_back(items_[i].first);
+      for (std::size_t i = 0; i < visible; ++i) known.push_back(tape_.items[i].first);
     }
     refuse(where, text, fmt::format("unknown {} \"{}\"", word.called ? "function" : "name", shown(word.name)), word.position,
            did_you_mean(word.name, known));
   }
 
-  enum class Use { constant, step };
-  Tape& out_;
-  const std::vector<std::pair<std::string, std::string>>& items_;
-  std::vector<std::optional<Use>> used_;
+  Tape& tape_;
   std::size_t n_variables_;
 };
 
@@ -214,7 +253,8 @@ class Compiler {
 struct Expression::Compiled {
   std::string text, where;
   std::optional<double> constant;
-  Tape tape;
+  std::shared_ptr<Tape> tape;  ///< With a formula only.
+  Tape::Formula formula;
 };
 
 Expression::Expression(double constant) : compiled_(std::make_shared<Compiled>()) {
@@ -228,21 +268,18 @@ Expression::Expression(const std::string& text, const Definitions& definitions, 
   compiled_->where = where;
   compiled_->constant = plain_number(text);
   if (compiled_->constant) return;
-  auto result = Compiler(compiled_->tape, definitions, variable_names.size()).compile(text, definitions.items.size(), where);
-  if (result.varies) {
-    compiled_->tape.steps.push_back({std::move(result.parser), &compiled_->tape.value});
-  } else {
-    compiled_->constant = result.parser.Eval();
-    refuse_infinite(*compiled_->constant, text, where);
-  }
+  compiled_->tape = tape_of(definitions);
+  compiled_->formula = Compiler(*compiled_->tape, variable_names.size()).compile(text, definitions.items.size(), where);
+  if (compiled_->formula.varies) return;
+  compiled_->constant = compiled_->formula.parser.Eval();
+  refuse_infinite(*compiled_->constant, text, where);
 }
 
 double Expression::operator()(const EvalPoint& at) const {
   Compiled& c = *compiled_;
   if (c.constant) return *c.constant;
-  c.tape.variables = {at.x[0], at.x[1], at.x[2], at.t, at.tip_distance, at.fracture_length};
-  for (Tape::Step& step : c.tape.steps) *step.target = step.parser.Eval();
-  const double value = c.tape.value;
+  c.tape->move_to(at);
+  const double value = c.tape->evaluate(c.formula);
   if (!std::isfinite(value))
     throw InputError(fmt::format("the expression \"{}\" gives {} at x = {}, y = {}, z = {}, t = {}", shown(c.text), value, at.x[0],
                                  at.x[1], at.x[2], at.t),
@@ -251,8 +288,8 @@ double Expression::operator()(const EvalPoint& at) const {
 }
 
 bool Expression::is_constant() const { return compiled_->constant.has_value(); }
-bool Expression::depends_on_time() const { return compiled_->tape.time; }
-bool Expression::depends_on_fracture() const { return compiled_->tape.fracture; }
+bool Expression::depends_on_time() const { return compiled_->formula.time; }
+bool Expression::depends_on_fracture() const { return compiled_->formula.fracture; }
 bool Expression::is_zero() const { return compiled_->constant == 0.0; }
 const std::string& Expression::text() const { return compiled_->text; }
 
@@ -269,8 +306,8 @@ const std::vector<std::string>& expression_names() {
 
 double constant_value(const std::string& text, const Definitions& definitions, const std::string& where) {
   if (const auto number = plain_number(text)) return *number;
-  Tape scratch;
-  const double value = Compiler(scratch, definitions, 0).compile(text, definitions.items.size(), where).parser.Eval();
+  Tape scratch(definitions);
+  const double value = Compiler(scratch, 0).compile(text, definitions.items.size(), where).parser.Eval();
   refuse_infinite(value, text, where);
   return value;
 }

@@ -22,10 +22,14 @@ struct EvalPoint {
 /// identifiers, none of expression_names().
 struct Definitions {
   std::vector<std::pair<std::string, std::string>> items;  ///< name, expression text
+
+  struct Tape;
+  mutable std::shared_ptr<Tape> tape = nullptr;  ///< Their compiled form, for expressions; follows `items`.
 };
 
-/// A scalar function. Copies share the compiled form, which holds the values of its variables: not for two threads at once.
-/// Evaluating costs some tens of ns, definitions used (directly or through others) included, each once; constants cost nothing.
+/// A scalar function. Copies share the compiled form, and all expressions with the same definitions the values of variables and
+/// definitions: not for two threads at once. Evaluating costs some tens of ns; so does each definition used (directly or through others),
+/// once a point for all expressions that are evaluated there one after the other; constants cost nothing.
 class Expression {
  public:
   Expression() : Expression(0.0) {}

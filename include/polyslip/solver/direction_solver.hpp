@@ -28,6 +28,12 @@ class DirectionSolver {
   /// direction = J^{-1} f, to what `norms` at a relative tolerance rtol ask for; `loose`: not so far, for steps after which the active set
   /// is likely to change anyway.
   virtual PetscErrorCode solve(Vec f, Vec direction, const assembly::ResidualNorms& norms, double rtol, bool loose) = 0;
+  /// Whether refine() can make a loose solve a full one.
+  [[nodiscard]] virtual bool can_refine() const { return false; }
+  /// Goes on where a loose solve for the same f has stopped, to the accuracy of one that is not loose.
+  virtual PetscErrorCode refine(Vec f, Vec direction, const assembly::ResidualNorms& norms, double rtol) {
+    return solve(f, direction, norms, rtol, false);
+  }
 
   /// Sentence for the log: what was chosen and why.
   [[nodiscard]] virtual const std::string& choice() const = 0;

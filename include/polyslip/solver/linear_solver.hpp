@@ -25,6 +25,8 @@ class LinearSolver final : public DirectionSolver {
   void matrix_changed(const std::vector<physics::ContactState>& states, bool everywhere) override;
   /// `loose`: multigrid stops at 1e-3 (-displacement_loose_rtol) of the right-hand side.
   PetscErrorCode solve(Vec f, Vec direction, const assembly::ResidualNorms& norms, double rtol, bool loose) override;
+  [[nodiscard]] bool can_refine() const override { return !factorises_; }
+  PetscErrorCode refine(Vec f, Vec direction, const assembly::ResidualNorms& norms, double rtol) override;
   [[nodiscard]] const std::string& choice() const override { return choice_; }
   [[nodiscard]] KSP ksp() const { return ksp_; }
 
@@ -37,7 +39,8 @@ class LinearSolver final : public DirectionSolver {
   [[nodiscard]] PC hierarchy() const;  ///< The preconditioner where it is algebraic multigrid, else null.
   bool update_hierarchy();
   [[nodiscard]] bool aggregates_are_stale() const;
-  PetscErrorCode run(double rtol, double target);
+  PetscErrorCode run_once(double rtol, double target);
+  PetscErrorCode run(double rtol, double target);  ///< With another preconditioner where an old one fails.
 
   assembly::MechanicsSystem& system_;
   la::Handle<KSP> ksp_;

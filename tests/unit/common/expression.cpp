@@ -89,6 +89,19 @@ TEST(expressions, share_nothing_that_a_copy_could_spoil) {
   EXPECT_EQ(copy(at(1, 1, 0)), 5);
 }
 
+TEST(expressions, with_the_same_definitions_follow_each_other_from_point_to_point) {
+  Definitions definitions{{{"a", "x + 1"}, {"b", "a*a"}, {"c", "10*t"}}};
+  const Expression f("b + c", definitions, place), g("a - c", definitions, place);
+  EXPECT_EQ(f(at(1, 0, 0)), 4);
+  EXPECT_EQ(g(at(2, 0, 0)), 3);  // a anew, b not
+  EXPECT_EQ(f(at(2, 0, 0)), 9);  // b of the same point
+  EXPECT_EQ(f(at(2, 0, 0, 1)), 19);
+  EXPECT_EQ(g(at(2, 0, 0, 1)), -7);
+  definitions.items[0].second = "x + 2";
+  EXPECT_EQ(Expression("b", definitions, place)(at(1, 0, 0)), 9);
+  EXPECT_EQ(f(at(1, 0, 0)), 4);
+}
+
 TEST(expressions, accept_infinite_tip_distances) {
   EvalPoint point;
   point.tip_distance = std::numeric_limits<double>::infinity();
