@@ -166,8 +166,10 @@ LastStep last_step(CoupledScene& scene, const std::function<void(solver::Coupled
 
 void forget(solver::CoupledStep&, solver::CoupledStep::Before& before) { before.size = 0; }
 
-TEST_P(coupled_steps, start_where_the_last_speed_leads) {
-  CoupledScene scene(shape_, {.bubbles = bubbles_}), other(shape_, {.bubbles = bubbles_});
+class predicted_steps : public testing::TestWithParam<Shape> {};
+
+TEST_P(predicted_steps, start_where_the_last_speed_leads) {
+  CoupledScene scene(GetParam(), {}), other(GetParam(), {});
   const LastStep led = last_step(scene, [](auto&, auto&) {}), plain = last_step(other, forget);
   EXPECT_LT(led.start.momentum + led.start.contact, 0.1 * (plain.start.momentum + plain.start.contact));
   EXPECT_LE(led.newton, plain.newton + 1);
@@ -175,8 +177,8 @@ TEST_P(coupled_steps, start_where_the_last_speed_leads) {
   EXPECT_LT(norm(led.x), 1e-8 * norm(plain.x));
 }
 
-TEST_P(coupled_steps, start_where_they_are_when_the_last_speed_misleads) {
-  CoupledScene scene(shape_, {.bubbles = bubbles_}), other(shape_, {.bubbles = bubbles_});
+TEST_P(predicted_steps, start_where_they_are_when_the_last_speed_misleads) {
+  CoupledScene scene(GetParam(), {}), other(GetParam(), {});
   const LastStep misled = last_step(scene, [](auto& step, auto& before) {
     POLYSLIP_PETSC(VecCopy(step.accepted(), before.x));
     POLYSLIP_PETSC(VecScale(before.x, 3.0));
@@ -233,6 +235,7 @@ TEST(fixed_stress, serves_fractures_that_close_as_well_as_when_set_up_for_them) 
   EXPECT_LE(after_update, iterations_at(system, fresh, closed) + 3);
 }
 
+INSTANTIATE_TEST_SUITE_P(every_shape, predicted_steps, testing::ValuesIn(planar_shapes()), ShapeName());
 INSTANTIATE_TEST_SUITE_P(every_shape, coupled_steps,
                          testing::Combine(testing::ValuesIn(planar_shapes()), testing::Values(spaces::Bubbles::fracture, spaces::Bubbles::all)),
                          ShapeAndBubblesName());
