@@ -83,7 +83,12 @@ std::vector<std::string> Model::book_names(const Scene& scene) {
   return names;
 }
 
-std::optional<Books> Model::books(double size) const {
+double Model::mass_error(const assembly::FluidBalance& fluid) {
+  largest_turnover_ = std::max(largest_turnover_, fluid.turnover);
+  return largest_turnover_ > 0 ? std::abs(fluid.error()) / largest_turnover_ : 0;
+}
+
+std::optional<Books> Model::books(double size) {
   if (!flow_) return std::nullopt;
   if (coupled_step_ != nullptr) return coupled_books();
   const double duration = flow_->problem().stationary ? 1 : size;  // a stationary state: what one second does
@@ -92,7 +97,7 @@ std::optional<Books> Model::books(double size) const {
   const double energy = flow_->stored_energy(pressure_.trial), before = flow_->stored_energy(pressure_.accepted);
   const double work = duration * flow_->power_input(pressure_.trial);
   Books books;
-  books.mass_error = fluid.turnover > 0 ? std::abs(fluid.error()) / fluid.turnover : 0;
+  books.mass_error = mass_error(fluid);
   books.energy_violation = violation(energy, before, duration * power.total(), work);
   books.values = {fluid.stored,
                   fluid.injected,
@@ -106,12 +111,12 @@ std::optional<Books> Model::books(double size) const {
   return books;
 }
 
-Books Model::coupled_books() const {
+Books Model::coupled_books() {
   const auto& [energy, fluid] = coupled_step_->books();
   const assembly::Dissipation power = flow_->fluxes().dissipation(pressure_.trial);
   const double dt = flow_->time_step();
   Books books;
-  books.mass_error = fluid.turnover > 0 ? std::abs(fluid.error()) / fluid.turnover : 0;
+  books.mass_error = mass_error(fluid);
   const double scale = energy.elastic + energy.fluid + energy.turnover();
   books.energy_violation = scale > 0 ? std::max(0.0, energy.excess()) / scale : 0;
   books.values = {fluid.stored,
@@ -145,10 +150,12 @@ Model::Memory Model::memory() const {
   Memory memory;
   if (mechanics_step_) memory.load_fraction = mechanics_step_->load_fraction();
   if (flow_) memory.flow_step = flow_->time_step();
+  memory.turnover = largest_turnover_;
   return memory;
 }
 
 void Model::resume(double time, const Memory& memory) {
+  largest_turnover_ = memory.turnover;
   if (mechanics_step_) mechanics_step_->restore(time, memory.load_fraction);
   if (darcy_step_) darcy_step_->restore(time, memory.flow_step);
   if (coupled_step_) coupled_step_->restore(time, memory.flow_step);

@@ -236,6 +236,7 @@ void save_run(const std::filesystem::path& file, const Scene& scene, const Model
   const Model::Memory memory = model.memory();
   values.scalars["load_fraction"] = memory.load_fraction;
   values.scalars["flow_step"] = memory.flow_step;
+  values.scalars["largest_turnover"] = memory.turnover;
   values.scalars["ranks"] = mpi::size(model.mesh().comm);
   if (summary.balance.mass_error_max) values.scalars["mass_error_max"] = *summary.balance.mass_error_max;
   if (summary.balance.energy_violation_max) values.scalars["energy_violation_max"] = *summary.balance.energy_violation_max;
@@ -261,7 +262,7 @@ solver::StepperState resume_run(const io::Checkpoint& checkpoint, const std::str
   for (auto [scalar, value] : {std::pair("mass_error_max", &summary.balance.mass_error_max),
                                std::pair("energy_violation_max", &summary.balance.energy_violation_max)})
     if (checkpoint.has_scalar(scalar)) *value = checkpoint.scalar(scalar);
-  model.resume(steps.time, {checkpoint.scalar("load_fraction"), checkpoint.scalar("flow_step")});
+  model.resume(steps.time, {checkpoint.scalar("load_fraction"), checkpoint.scalar("flow_step"), checkpoint.scalar("largest_turnover")});
   if (model.coupled_step() != nullptr) resume_before(checkpoint, model, *model.coupled_step());
   return steps;
 }

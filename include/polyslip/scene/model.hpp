@@ -22,7 +22,7 @@ struct States {
 /// What one step has done to fluid and energy, from the accepted to the trial state.
 struct Books {
   std::vector<double> values;   ///< In the order of Model::book_names.
-  double mass_error = 0;        ///< |stored + outflow - injected| over the sum of all that is stored and flows in or out.
+  double mass_error = 0;        ///< |stored + outflow - injected| over the most that a step so far has stored or let in or out.
   double energy_violation = 0;  ///< Energy made from nothing, over all energies and works of the step; 0 where some is lost.
 };
 
@@ -53,7 +53,7 @@ class Model {
   /// Names of what Books::values holds; empty without flow.
   [[nodiscard]] static std::vector<std::string> book_names(const Scene& scene);
   /// Between a solved step and its acceptance; nothing without flow.
-  [[nodiscard]] std::optional<Books> books(double size) const;
+  [[nodiscard]] std::optional<Books> books(double size);
 
   // --- what the solvers have done in this process ---
   [[nodiscard]] std::vector<std::string> linear_choices() const;  ///< Sentences for the log.
@@ -67,6 +67,7 @@ class Model {
   struct Memory {
     double load_fraction = 0;  ///< See MechanicsStep.
     double flow_step = 1;      ///< Time step of the last flow matrix [s].
+    double turnover = 0;       ///< Most fluid that a step has moved so far [m3; 2D: m2].
   };
   [[nodiscard]] Memory memory() const;
   /// The accepted states, and the jumps that friction is measured from, are what the caller has written into them.
@@ -76,7 +77,9 @@ class Model {
   void set_up_mechanics();
   void set_up_flow(double start);
   void set_up_coupled(const Scene& scene);
-  [[nodiscard]] Books coupled_books() const;
+  [[nodiscard]] Books coupled_books();
+  /// Fluid that a step does not account for, relative to the most that a step has moved so far.
+  [[nodiscard]] double mass_error(const assembly::FluidBalance& fluid);
 
   const mesh::DistributedMesh& mesh_;
   std::unique_ptr<assembly::MechanicsSystem> mechanics_;
@@ -89,6 +92,7 @@ class Model {
   solver::MechanicsStep* mechanics_step_ = nullptr;
   solver::DarcyStep* darcy_step_ = nullptr;
   solver::CoupledStep* coupled_step_ = nullptr;
+  double largest_turnover_ = 0;           ///< See Memory.
   std::optional<double> equilibrium_at_;  ///< Time of the equilibrium from which a coupled scene starts [s].
 };
 
