@@ -58,14 +58,20 @@ void write_resolved(MPI_Comm comm, const Scene& scene, const std::filesystem::pa
   });
 }
 
-void report_unused_options(const Log& log) {
+std::map<std::string, std::string> unused_options() {
   PetscInt n = 0;
   char **names = nullptr, **values = nullptr;
+  std::map<std::string, std::string> unused;
   POLYSLIP_PETSC(PetscOptionsLeftGet(nullptr, &n, &names, &values));
-  for (PetscInt i = 0; i < n; ++i)
-    log.line("warning: the option -{}{}{} was not used; check its spelling and prefix (polyslip -help)", names[i],
-             values[i] != nullptr ? " " : "", values[i] != nullptr ? values[i] : "");
+  for (PetscInt i = 0; i < n; ++i) unused[names[i]] = values[i] != nullptr ? values[i] : "";
   POLYSLIP_PETSC(PetscOptionsLeftRestore(nullptr, &n, &names, &values));
+  return unused;
+}
+
+void report_unused_options(const Log& log, const std::map<std::string, std::string>& given) {
+  for (const auto& [name, value] : unused_options())
+    if (given.contains(name))
+      log.line("warning: the option -{}{}{} was not used; check its spelling and prefix (polyslip -help)", name, value.empty() ? "" : " ", value);
 }
 
 }  // namespace polyslip::scene

@@ -52,6 +52,7 @@ class Run {
   std::optional<io::FieldWriter> writer_;
   std::optional<Tables> tables_;
   std::optional<LineTables> lines_;
+  const std::map<std::string, std::string> given_options_ = unused_options();  ///< The user's: our defaults come later.
   StepFigures figures_;                 ///< Of the last accepted step.
   std::optional<double> last_written_;  ///< Time of the last fields [s].
   int last_checkpoint_ = -1;            ///< Its number of steps.
@@ -192,7 +193,7 @@ ExitCode Run::execute() {
   open_outputs();
   const solver::StepperResult result = step();
   finish(result);
-  report_unused_options(log_);
+  report_unused_options(log_, given_options_);
   using End = solver::StepperResult::End;
   return result.end == End::finished ? exit_finished : result.end == End::stopped ? exit_stopped : exit_diverged;
 }

@@ -6,6 +6,7 @@
 #include <cmath>
 
 #include "polyslip/common/mpi.hpp"
+#include "polyslip/la/options.hpp"
 #include "polyslip/solver/displacement_split.hpp"
 
 namespace polyslip::solver {
@@ -40,11 +41,6 @@ void estimate_eigenvalues_again(PC hierarchy) {
   }
 }
 
-bool user_sets(const char* name) {
-  PetscBool set = PETSC_FALSE;
-  POLYSLIP_PETSC(PetscOptionsHasName(nullptr, prefix, name, &set));
-  return set == PETSC_TRUE;
-}
 
 }  // namespace
 
@@ -67,7 +63,7 @@ void CoupledSolver::choose() {
   PC pc = nullptr;
   POLYSLIP_PETSC(KSPGetPC(ksp_, &pc));
   POLYSLIP_PETSC(PCSetType(pc, direct ? PCLU : PCFIELDSPLIT));
-  if (user_sets("-pc_type"))
+  if (la::user_sets(prefix, "-pc_type"))
     choice_ = "linear solver: as the options say";
   else if (direct)
     choice_ = fmt::format("linear solver: LU factorisation of displacement and pressure (MUMPS), as {} unknowns in {}D are at most {}; "
@@ -94,7 +90,7 @@ void CoupledSolver::choose() {
   if (factorises_) {
     POLYSLIP_PETSC(PCFactorSetMatSolverType(pc, MATSOLVERMUMPS));
     // The analysis must not depend on values, which permuting to a large diagonal would make it do; the diagonal is large as it is.
-    default_option("-coupled_mat_mumps_icntl_6", "0");
+    la::default_option(prefix, "mat_mumps_icntl_6", "0");
   }
   if (splits) split_fields(pc);
   POLYSLIP_PETSC(KSPSetFromOptions(ksp_));
@@ -109,20 +105,20 @@ void CoupledSolver::split_fields(PC pc) {
   POLYSLIP_PETSC(PCFieldSplitSetSchurFactType(pc, PC_FIELDSPLIT_SCHUR_FACT_UPPER));
   POLYSLIP_PETSC(MatDuplicate(system_.pressure_matrix(), MAT_COPY_VALUES, fixed_stress_.put()));
   POLYSLIP_PETSC(PCFieldSplitSetSchurPre(pc, PC_FIELDSPLIT_SCHUR_PRE_USER, fixed_stress_));
-  const std::string block = "-coupled_fieldsplit_displacement_", p = "-coupled_fieldsplit_pressure_";
-  default_option(block + "ksp_type", "preonly");
-  default_option(block + "pc_type", system_.layout().bubbles() == spaces::Bubbles::all ? "fieldsplit" : "gamg");
+  const std::string block = "coupled_fieldsplit_displacement_", p = "coupled_fieldsplit_pressure_";
+  la::default_option(block, "ksp_type", "preonly");
+  la::default_option(block, "pc_type", system_.layout().bubbles() == spaces::Bubbles::all ? "fieldsplit" : "gamg");
   const std::string u = default_displacement_split(system_, block);
-  default_option(u + "pc_gamg_threshold", "0.02");
-  default_option(u + "pc_gamg_reuse_interpolation", "true");
-  default_option(u + "pc_gamg_use_sa_esteig", "false");
-  default_option(u + "mg_levels_ksp_type", "chebyshev");
+  la::default_option(u, "pc_gamg_threshold", "0.02");
+  la::default_option(u, "pc_gamg_reuse_interpolation", "true");
+  la::default_option(u, "pc_gamg_use_sa_esteig", "false");
+  la::default_option(u, "mg_levels_ksp_type", "chebyshev");
   // Jacobi's smoother takes twice the iterations beside fractures, where rows differ in size.
-  default_option(u + "mg_levels_pc_type", "bjacobi");
-  default_option(u + "mg_levels_sub_pc_type", "icc");
-  default_option(u + "mg_levels_ksp_max_it", "2");
-  default_option(p + "ksp_type", "preonly");
-  default_option(p + "pc_type", "hypre");
+  la::default_option(u, "mg_levels_pc_type", "bjacobi");
+  la::default_option(u, "mg_levels_sub_pc_type", "icc");
+  la::default_option(u, "mg_levels_ksp_max_it", "2");
+  la::default_option(p, "ksp_type", "preonly");
+  la::default_option(p, "pc_type", "hypre");
 
   // b^2 |K|/K_dr on owned cells
   compressibility_ = system_.flow().layout().create_vector();

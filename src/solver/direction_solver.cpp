@@ -17,10 +17,4 @@ PetscErrorCode DirectionSolver::count(KSP ksp) {
   PetscFunctionReturn(0);
 }
 
-void default_option(const std::string& name, const char* value) {
-  PetscBool set = PETSC_FALSE;
-  POLYSLIP_PETSC(PetscOptionsHasName(nullptr, nullptr, name.c_str(), &set));
-  if (!set) POLYSLIP_PETSC(PetscOptionsSetValue(nullptr, name.c_str(), value));
-}
-
 }  // namespace polyslip::solver

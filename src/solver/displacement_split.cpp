@@ -1,20 +1,20 @@
 #include "polyslip/solver/displacement_split.hpp"
 
-#include "polyslip/solver/direction_solver.hpp"
+#include "polyslip/la/options.hpp"
 
 namespace polyslip::solver {
 
 std::string default_displacement_split(const assembly::MechanicsSystem& system, const std::string& prefix) {
   if (system.layout().bubbles() == spaces::Bubbles::fracture) return prefix;
-  default_option(prefix + "pc_fieldsplit_type", "symmetric_multiplicative");
+  la::default_option(prefix, "pc_fieldsplit_type", "symmetric_multiplicative");
   // Jacobi alone need not converge on the bubbles: those of one cell share its divergence.
   const std::string normal = prefix + "fieldsplit_normal_", nodal = prefix + "fieldsplit_nodal_";
-  default_option(normal + "ksp_type", "chebyshev");
-  default_option(normal + "ksp_max_it", "2");
-  default_option(normal + "ksp_norm_type", "none");
-  default_option(normal + "pc_type", "jacobi");
-  default_option(nodal + "ksp_type", "preonly");
-  default_option(nodal + "pc_type", "gamg");
+  la::default_option(normal, "ksp_type", "chebyshev");
+  la::default_option(normal, "ksp_max_it", "2");
+  la::default_option(normal, "ksp_norm_type", "none");
+  la::default_option(normal, "pc_type", "jacobi");
+  la::default_option(nodal, "ksp_type", "preonly");
+  la::default_option(nodal, "pc_type", "gamg");
   return nodal;
 }
 

@@ -5,6 +5,7 @@
 #include <algorithm>
 
 #include "polyslip/common/mpi.hpp"
+#include "polyslip/la/options.hpp"
 #include "polyslip/solver/displacement_split.hpp"
 
 namespace polyslip::solver {
@@ -25,11 +26,6 @@ PetscErrorCode apply_exact(Mat shell, Vec x, Vec y) {
   PetscFunctionReturn(0);
 }
 
-bool user_sets(const char* name) {
-  PetscBool set = PETSC_FALSE;
-  POLYSLIP_PETSC(PetscOptionsHasName(nullptr, prefix, name, &set));
-  return set == PETSC_TRUE;
-}
 
 }  // namespace
 
@@ -50,8 +46,8 @@ void LinearSolver::choose() {
   POLYSLIP_PETSC(KSPCreate(system_.mesh().comm, ksp_.put()));
   POLYSLIP_PETSC(KSPSetOptionsPrefix(ksp_, prefix));
   POLYSLIP_PETSC(KSPGetPC(ksp_, &pc));
-  user_ksp_ = user_sets("-ksp_type");
-  if (user_sets("-pc_type")) {
+  user_ksp_ = la::user_sets(prefix, "-ksp_type");
+  if (la::user_sets(prefix, "-pc_type")) {
     choice_ = "linear solver: as the options say";
   } else if (direct) {
     POLYSLIP_PETSC(PCSetType(pc, PCCHOLESKY));
@@ -60,16 +56,16 @@ void LinearSolver::choose() {
                           unknowns, dim, limit);
   } else {
     POLYSLIP_PETSC(PCSetType(pc, system_.layout().bubbles() == spaces::Bubbles::all ? PCFIELDSPLIT : PCGAMG));
-    const std::string p = default_displacement_split(system_, std::string("-") + prefix);
-    default_option(p + "pc_gamg_threshold", "0.02");
+    const std::string p = default_displacement_split(system_, prefix);
+    la::default_option(p, "pc_gamg_threshold", "0.02");
     // The aggregates serve all contact states; the smoothers' eigenvalues do not, and estimates made for aggregation would go stale.
-    default_option(p + "pc_gamg_reuse_interpolation", "true");
-    default_option(p + "pc_gamg_use_sa_esteig", "false");
-    default_option(p + "mg_levels_ksp_type", "chebyshev");
-    default_option(p + "mg_levels_pc_type", "jacobi");
-    default_option(p + "mg_levels_ksp_max_it", "2");
+    la::default_option(p, "pc_gamg_reuse_interpolation", "true");
+    la::default_option(p, "pc_gamg_use_sa_esteig", "false");
+    la::default_option(p, "mg_levels_ksp_type", "chebyshev");
+    la::default_option(p, "mg_levels_pc_type", "jacobi");
+    la::default_option(p, "mg_levels_ksp_max_it", "2");
     // Galerkin products by two sparse products take two thirds of the time; on several ranks PETSc knows no such choice.
-    if (mpi::size(system_.mesh().comm) == 1) default_option("-matptap_via", "rap");
+    if (mpi::size(system_.mesh().comm) == 1) la::default_option("", "matptap_via", "rap");
     choice_ = fmt::format("linear solver: algebraic multigrid (GAMG) with rigid-body modes, as {} unknowns in {}D exceed {}; "
                           "-displacement_pc_type cholesky for a factorisation", unknowns, dim, limit);
   }

@@ -36,6 +36,16 @@ class Poromechanics2d(StoredTables):
         self.assertLess(self.run_.summary["balance"]["mass_error_max"], 1e-9)
         self.assertLess(self.run_.summary["balance"]["energy_violation_max"], 1e-9)
 
+    def test_recipes_of_options_give_the_same_and_are_used_whole(self):
+        options = Path(__file__).parents[2] / "options"
+        for recipe in ("fixed_stress_amg", "sequential"):
+            with self.subTest(recipe=recipe):
+                run = Run("poromechanics_2d", options=("-options_file", str(options / f"{recipe}.opts"), "-coupled_mistaken", "1"))
+                warnings = [line for line in run.log.splitlines() if "was not used" in line]
+                self.assertEqual(len(warnings), 1, warnings)
+                self.assertIn("-coupled_mistaken 1", warnings[0])
+                self.assertAlmostEqual(run.history["slip_integral"][-1] / self.run_.history["slip_integral"][-1], 1, delta=1e-6)
+
     def test_two_ranks_compute_the_same(self):
         two = Run("poromechanics_2d", ranks=2)
         self.assertEqual(two.summary["newton"]["max_per_step"], self.run_.summary["newton"]["max_per_step"])

@@ -2,6 +2,8 @@
 #pragma once
 
 #include <filesystem>
+#include <map>
+#include <string>
 
 #include "polyslip/mesh/poly_mesh.hpp"
 #include "polyslip/scene/command_line.hpp"
@@ -22,7 +24,9 @@ void make_directory(MPI_Comm comm, const std::filesystem::path& directory);
 /// scene.resolved.yaml and options.resolved.
 void write_resolved(MPI_Comm comm, const Scene& scene, const std::filesystem::path& directory);
 
-/// One warning for each PETSc option that nothing has read.
-void report_unused_options(const Log& log);
+/// PETSc options that nothing has read so far, with their values.
+std::map<std::string, std::string> unused_options();
+/// One warning for each of the options `given` that still nothing has read.
+void report_unused_options(const Log& log, const std::map<std::string, std::string>& given);
 
 }  // namespace polyslip::scene

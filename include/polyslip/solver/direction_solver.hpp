@@ -51,7 +51,4 @@ class DirectionSolver {
   bool failed_ = false;
 };
 
-/// Sets an option of the database unless the user has set it.
-void default_option(const std::string& name, const char* value);
-
 }  // namespace polyslip::solver

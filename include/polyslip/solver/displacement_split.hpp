@@ -8,7 +8,7 @@
 
 namespace polyslip::solver {
 
-/// Sets defaults of the options of a preconditioner with this prefix (with its dash) for the displacements of a system, and returns the
+/// Sets defaults of the options of a preconditioner with this prefix for the displacements of a system, and returns the
 /// prefix of the multigrid of what is nodal: the same where bubbles are on fracture faces only.
 std::string default_displacement_split(const assembly::MechanicsSystem& system, const std::string& prefix);
 
