@@ -7,7 +7,7 @@
 
 #include "polyslip/common/mpi.hpp"
 #include "polyslip/la/options.hpp"
-#include "polyslip/solver/displacement_split.hpp"
+#include "polyslip/solver/displacement_multigrid.hpp"
 
 namespace polyslip::solver {
 
@@ -105,18 +105,10 @@ void CoupledSolver::split_fields(PC pc) {
   POLYSLIP_PETSC(PCFieldSplitSetSchurFactType(pc, PC_FIELDSPLIT_SCHUR_FACT_UPPER));
   POLYSLIP_PETSC(MatDuplicate(system_.pressure_matrix(), MAT_COPY_VALUES, fixed_stress_.put()));
   POLYSLIP_PETSC(PCFieldSplitSetSchurPre(pc, PC_FIELDSPLIT_SCHUR_PRE_USER, fixed_stress_));
-  const std::string block = "coupled_fieldsplit_displacement_", p = "coupled_fieldsplit_pressure_";
-  la::default_option(block, "ksp_type", "preonly");
-  la::default_option(block, "pc_type", system_.layout().bubbles() == spaces::Bubbles::all ? "fieldsplit" : "gamg");
-  const std::string u = default_displacement_split(system_, block);
-  la::default_option(u, "pc_gamg_threshold", "0.02");
-  la::default_option(u, "pc_gamg_reuse_interpolation", "true");
-  la::default_option(u, "pc_gamg_use_sa_esteig", "false");
-  la::default_option(u, "mg_levels_ksp_type", "chebyshev");
-  // Jacobi's smoother takes twice the iterations beside fractures, where rows differ in size.
-  la::default_option(u, "mg_levels_pc_type", "bjacobi");
-  la::default_option(u, "mg_levels_sub_pc_type", "icc");
-  la::default_option(u, "mg_levels_ksp_max_it", "2");
+  const std::string u = "coupled_fieldsplit_displacement_", p = "coupled_fieldsplit_pressure_";
+  la::default_option(u, "ksp_type", "preonly");
+  la::default_option(u, "pc_type", displacement_multigrid(system_));
+  default_displacement_multigrid(system_, u);
   la::default_option(p, "ksp_type", "preonly");
   la::default_option(p, "pc_type", "hypre");
 

@@ -6,7 +6,7 @@
 
 #include "polyslip/common/mpi.hpp"
 #include "polyslip/la/options.hpp"
-#include "polyslip/solver/displacement_split.hpp"
+#include "polyslip/solver/displacement_multigrid.hpp"
 
 namespace polyslip::solver {
 
@@ -55,15 +55,8 @@ void LinearSolver::choose() {
     choice_ = fmt::format("linear solver: sparse Cholesky (MUMPS), as {} unknowns in {}D are at most {}; -displacement_pc_type gamg for multigrid",
                           unknowns, dim, limit);
   } else {
-    POLYSLIP_PETSC(PCSetType(pc, system_.layout().bubbles() == spaces::Bubbles::all ? PCFIELDSPLIT : PCGAMG));
-    const std::string p = default_displacement_split(system_, prefix);
-    la::default_option(p, "pc_gamg_threshold", "0.02");
-    // The aggregates serve all contact states; the smoothers' eigenvalues do not, and estimates made for aggregation would go stale.
-    la::default_option(p, "pc_gamg_reuse_interpolation", "true");
-    la::default_option(p, "pc_gamg_use_sa_esteig", "false");
-    la::default_option(p, "mg_levels_ksp_type", "chebyshev");
-    la::default_option(p, "mg_levels_pc_type", "jacobi");
-    la::default_option(p, "mg_levels_ksp_max_it", "2");
+    POLYSLIP_PETSC(PCSetType(pc, displacement_multigrid(system_)));
+    default_displacement_multigrid(system_, prefix);
     // Galerkin products by two sparse products take two thirds of the time; on several ranks PETSc knows no such choice.
     if (mpi::size(system_.mesh().comm) == 1) la::default_option("", "matptap_via", "rap");
     choice_ = fmt::format("linear solver: algebraic multigrid (GAMG) with rigid-body modes, as {} unknowns in {}D exceed {}; "

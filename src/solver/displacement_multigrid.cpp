@@ -1,0 +1,50 @@
+#include "polyslip/solver/displacement_multigrid.hpp"
+
+#include "polyslip/la/options.hpp"
+
+namespace polyslip::solver {
+
+namespace {
+
+bool is_split(const assembly::MechanicsSystem& system) { return system.layout().bubbles() == spaces::Bubbles::all; }
+
+/// Defaults of the split; returns the prefix of what is nodal.
+std::string default_split(const std::string& prefix) {
+  la::default_option(prefix, "pc_fieldsplit_type", "symmetric_multiplicative");
+  // Jacobi alone need not converge on the bubbles: those of one cell share its divergence.
+  const std::string normal = prefix + "fieldsplit_normal_", nodal = prefix + "fieldsplit_nodal_";
+  la::default_option(normal, "ksp_type", "chebyshev");
+  la::default_option(normal, "ksp_max_it", "2");
+  la::default_option(normal, "ksp_norm_type", "none");
+  la::default_option(normal, "pc_type", "jacobi");
+  la::default_option(nodal, "ksp_type", "preonly");
+  la::default_option(nodal, "pc_type", "gamg");
+  return nodal;
+}
+
+}  // namespace
+
+PCType displacement_multigrid(const assembly::MechanicsSystem& system) { return is_split(system) ? PCFIELDSPLIT : PCGAMG; }
+
+void default_displacement_multigrid(const assembly::MechanicsSystem& system, const std::string& prefix) {
+  const std::string p = is_split(system) ? default_split(prefix) : prefix;
+  la::default_option(p, "pc_gamg_threshold", "0.02");
+  // The aggregates serve all contact states; the smoothers' eigenvalues do not, and estimates made for aggregation would go stale.
+  la::default_option(p, "pc_gamg_reuse_interpolation", "true");
+  la::default_option(p, "pc_gamg_use_sa_esteig", "false");
+  la::default_option(p, "mg_levels_ksp_type", "chebyshev");
+  la::default_option(p, "mg_levels_ksp_max_it", "2");
+  // Jacobi's smoother takes two to three times the iterations, the more so beside fractures, where rows differ in size.
+  la::default_option(p, "mg_levels_pc_type", "bjacobi");
+  la::default_option(p, "mg_levels_sub_pc_type", "icc");
+}
+
+void split_displacement(const assembly::MechanicsSystem& system, PC pc) {
+  PetscBool splits = PETSC_FALSE;
+  POLYSLIP_PETSC(PetscObjectTypeCompare(reinterpret_cast<PetscObject>(pc), PCFIELDSPLIT, &splits));
+  if (!splits || !is_split(system)) return;
+  POLYSLIP_PETSC(PCFieldSplitSetIS(pc, "normal", system.normal_field()));
+  POLYSLIP_PETSC(PCFieldSplitSetIS(pc, "nodal", system.nodal_field()));
+}
+
+}  // namespace polyslip::solver
