@@ -16,9 +16,9 @@ from hdf5_tables import Tables
 SCENES = Path(__file__).parent / "restart"
 MECHANICS = ("displacement", "bubble", "multiplier", "previous_jump", "initial_jump")
 FLOW = ("pressure_cell", "pressure_trace", "pressure_fracture", "pressure_ridge")
-BEFORE = tuple("before_" + name for name in (*MECHANICS[:3], *FLOW))
+BEFORE = tuple("before_" + name for name in (*MECHANICS[:3], "normal_bubble", *FLOW))
 # scene, tables of its checkpoint, where a first run may end
-CASES = (("load_history.yaml", MECHANICS, 0.4), ("injection.yaml", FLOW, 1.234), ("wet_crack.yaml", MECHANICS + FLOW + BEFORE, 800))
+CASES = (("load_history.yaml", MECHANICS, 0.4), ("injection.yaml", FLOW, 1.234), ("wet_crack.yaml", (*MECHANICS, "normal_bubble", *FLOW, *BEFORE), 800))
 
 
 def command(scene, directory, ranks, words):
