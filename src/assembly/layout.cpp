@@ -93,9 +93,9 @@ Index Layout::entity_of(Index displacement) const {
 
 la::BlockMatrix::Layout Layout::matrix_layout() const { return {comm_, dim_, owned_entities(), first_, ghost_blocks_, widths_}; }
 
-la::Handle<Vec> Layout::create_vector() const { return create(comm_, size(), bubbles_ == spaces::Bubbles::all ? 1 : dim_); }
+la::Handle<Vec> Layout::create_vector() const { return create(comm_, size(), block_size()); }
 la::Handle<Vec> Layout::create_displacement_vector() const {
-  return create(comm_, displacement_size(), bubbles_ == spaces::Bubbles::all ? 1 : dim_);
+  return create(comm_, displacement_size(), block_size());
 }
 
 la::Handle<Vec> Layout::create_nodal_vector() const { return create(comm_, nodal_size(), dim_); }
@@ -108,12 +108,8 @@ MechanicalState Layout::create_state() const {
   return state;
 }
 
-void Layout::exchange(std::span<double> displacements) const {
-  if (bubbles_ == spaces::Bubbles::all)
-    displacement_halo_.owner_to_ghost(displacements);
-  else
-    copy_halo_.owner_to_ghost(displacements, dim_);
-}
+void Layout::exchange(std::span<double> displacements) const { displacement_halo().owner_to_ghost(displacements, block_size()); }
+void Layout::exchange(std::span<Index> displacements) const { displacement_halo().owner_to_ghost(displacements, block_size()); }
 
 void Layout::gather(Vec x, MechanicalState& state) const {
   const VecRead a(x);

@@ -17,11 +17,6 @@ namespace {
 /// ranks.
 constexpr double tie = 1e-10;
 
-/// Element-wise minimum over the ranks: all points of a line cost one message.
-void min_in_place(MPI_Comm comm, std::vector<double>& values) {
-  MPI_Allreduce(MPI_IN_PLACE, values.data(), static_cast<int>(values.size()), MPI_DOUBLE, MPI_MIN, comm);
-}
-
 constexpr double infinity = std::numeric_limits<double>::infinity();
 
 /// What one rank has to offer for one point.
@@ -55,13 +50,13 @@ class Search {
 std::vector<Located> best_of(const std::vector<Search>& searches, MPI_Comm comm, double extent) {
   std::vector<double> nearest, lowest;
   for (const Search& search : searches) nearest.push_back(search.nearest());
-  min_in_place(comm, nearest);
+  mpi::min_in_place(comm, nearest);  // all points of a line cost one message
   std::vector<const Search::Candidate*> own;
   for (std::size_t k = 0; k < searches.size(); ++k) {
     own.push_back(searches[k].lowest_within(nearest[k] + tie * extent));
     lowest.push_back(own[k] != nullptr ? own[k]->input : infinity);
   }
-  min_in_place(comm, lowest);
+  mpi::min_in_place(comm, lowest);
   std::vector<Located> located(searches.size());
   for (std::size_t k = 0; k < searches.size(); ++k)
     if (nearest[k] < infinity)

@@ -11,26 +11,21 @@ struct SaddleNumbers {
   std::vector<Index> displacement, bubble, multiplier;
 };
 
-/// Integers through exchanges that are made for values.
-std::vector<Index> exchanged(const Layout& layout, PetscInt first) {
-  std::vector<double> numbers(static_cast<std::size_t>(layout.local_displacements()), 0.0);
-  for (Index i = 0; i < layout.displacement_size(); ++i) numbers[i] = first + i;
-  layout.exchange(numbers);
-  return {numbers.begin(), numbers.end()};
-}
-
 SaddleNumbers number_unknowns(const MechanicsSystem& system) {
   const Layout& layout = system.layout();
   const mesh::DistributedMesh& mesh = system.mesh();
   la::Handle<Vec> x = layout.create_vector();
   PetscInt first = 0;
   POLYSLIP_PETSC(VecGetOwnershipRange(x, &first, nullptr));
-  SaddleNumbers n{exchanged(layout, first), std::vector<Index>(mesh.fractures.local()), std::vector<Index>(mesh.fractures.local())};
+  SaddleNumbers n{std::vector<Index>(layout.local_displacements()), std::vector<Index>(mesh.fractures.local()),
+                  std::vector<Index>(mesh.fractures.local())};
   const int dim = layout.dim();
   for (Index f = 0; f < mesh.fractures.owned; ++f) {
     n.bubble[f] = first + layout.bubble_start() + dim * f;
     n.multiplier[f] = first + layout.multiplier_start() + dim * f;
   }
+  std::iota(n.displacement.begin(), n.displacement.begin() + layout.displacement_size(), first);
+  layout.exchange(std::span<Index>(n.displacement));
   layout.fracture_halo().owner_to_ghost(std::span<Index>(n.bubble));
   layout.fracture_halo().owner_to_ghost(std::span<Index>(n.multiplier));
   return n;

@@ -42,6 +42,10 @@ void sum_in_place(MPI_Comm comm, std::span<long long> values) {
   MPI_Allreduce(MPI_IN_PLACE, values.data(), static_cast<int>(values.size()), MPI_LONG_LONG, MPI_SUM, comm);
 }
 
+void min_in_place(MPI_Comm comm, std::span<double> values) {
+  MPI_Allreduce(MPI_IN_PLACE, values.data(), static_cast<int>(values.size()), MPI_DOUBLE, MPI_MIN, comm);
+}
+
 long long exclusive_sum(MPI_Comm comm, long long value) {
   long long result = 0;
   MPI_Exscan(&value, &result, 1, MPI_LONG_LONG, MPI_SUM, comm);

@@ -74,14 +74,18 @@ class Layout {
   void gather(Vec x, MechanicalState& state) const;
   /// Owned part of local arrays to the Vec.
   void scatter(const MechanicalState& state, Vec x) const;
-  /// Fills the ghosts of local displacements.
+  /// Fills the ghosts of local displacements, or of numbers of them.
   void exchange(std::span<double> displacements) const;
+  void exchange(std::span<Index> displacements) const;
   [[nodiscard]] const mesh::Halo& copy_halo() const { return copy_halo_; }
   [[nodiscard]] const mesh::Halo& fracture_halo() const { return fracture_halo_; }
 
  private:
   void number_normals(const mesh::DistributedMesh& mesh);
   void number_ghosts(const mesh::DistributedMesh& mesh);
+  /// What moves displacements, and how many of them belong together.
+  [[nodiscard]] const mesh::Halo& displacement_halo() const { return bubbles_ == spaces::Bubbles::all ? displacement_halo_ : copy_halo_; }
+  [[nodiscard]] int block_size() const { return bubbles_ == spaces::Bubbles::all ? 1 : dim_; }
 
   MPI_Comm comm_;
   int dim_;

@@ -1,7 +1,8 @@
 // The discrete mechanical problem of scheme.md section 3: residual, exact linearisation, and its condensed form (section 6).
 //
-// One matrix is stored, over the displacements (of node copies, and of bubbles along normals where bubbles are on all faces):  P = A + sum_K C_K  with the bulk A (all cells but the + cells; assembled once) and the
-// condensed blocks C_K of the + cells. Between Newton iterations only the rows of + cells are rewritten.
+// One matrix is stored, over the displacements (of node copies, and of bubbles along normals where bubbles are on all faces):
+// P = A + sum_K C_K  with the bulk A (all cells but the + cells; assembled once) and the condensed blocks C_K of the + cells. Between
+// Newton iterations only the rows of + cells are rewritten.
 // Where frictional slip makes C_K unsymmetric, P may hold the blocks of the same states with the friction bounds held (symmetric, what multigrid
 // likes); the exact condensed operator is then P + sum_K (C_K - C_K^sym), see apply_condensed.
 #pragma once

@@ -25,6 +25,8 @@ long long max(MPI_Comm comm, long long value);
 /// Element-wise sum over the ranks, in place.
 void sum_in_place(MPI_Comm comm, std::span<double> values);
 void sum_in_place(MPI_Comm comm, std::span<long long> values);
+/// Element-wise minimum over the ranks, in place.
+void min_in_place(MPI_Comm comm, std::span<double> values);
 /// Sum of the values of the lower ranks; 0 on rank 0.
 long long exclusive_sum(MPI_Comm comm, long long value);
 bool any(MPI_Comm comm, bool value);
