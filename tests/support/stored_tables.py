@@ -18,15 +18,18 @@ def write_table(path, table):
 
 
 class StoredTables(unittest.TestCase):
-    def assert_like_stored(self, file, found, tolerances):
+    def assert_like(self, found, expected, tolerances):
         """`tolerances` gives the columns that are compared and (relative, absolute) of each."""
+        for column, (relative, absolute) in tolerances.items():
+            self.assertEqual(len(found[column]), len(expected[column]), f"rows of {column}")
+            for row, (value, wanted) in enumerate(zip(found[column], expected[column])):
+                with self.subTest(column=column, row=row):
+                    self.assertAlmostEqual(value, wanted, delta=relative * abs(wanted) + absolute)
+
+    def assert_like_stored(self, file, found, tolerances):
         self.assertLessEqual(set(tolerances), set(found), "columns")
         if os.environ.get("UPDATE"):
             write_table(file, {column: found[column] for column in tolerances})
         stored = read_table(file)
         self.assertEqual(set(stored), set(tolerances), "every stored column has a tolerance")
-        for column, (relative, absolute) in tolerances.items():
-            self.assertEqual(len(found[column]), len(stored[column]), f"rows of {file.name}")
-            for row, (value, expected) in enumerate(zip(found[column], stored[column])):
-                with self.subTest(column=column, row=row):
-                    self.assertAlmostEqual(value, expected, delta=relative * abs(expected) + absolute)
+        self.assert_like(found, stored, tolerances)
