@@ -71,7 +71,7 @@ void CoupledSolver::choose() {
   else
     choice_ = fmt::format("linear solver: fixed stress with multigrid on displacement and pressure, as {} unknowns in {}D exceed {}; "
                           "-coupled_pc_type lu for a factorisation", unknowns, dim, limit);
-  POLYSLIP_PETSC(KSPSetType(ksp_, KSPGMRES));
+  POLYSLIP_PETSC(KSPSetType(ksp_, KSPFGMRES));
   POLYSLIP_PETSC(KSPGMRESSetRestart(ksp_, 100));
   POLYSLIP_PETSC(KSPSetPCSide(ksp_, PC_RIGHT));
   POLYSLIP_PETSC(KSPSetTolerances(ksp_, 1e-12, 0.0, PETSC_DEFAULT, 500));
@@ -240,7 +240,7 @@ PetscErrorCode CoupledSolver::solve(Vec f, Vec direction, const assembly::Residu
   PetscFunctionBeginUser;
   const double flow = std::max(norms.flow_floor, newton_rtol * norms.flow_scale) * system_.pressure_scale();
   const double target = 0.1 * std::min(newton_rtol * norms.momentum_scale, flow);
-  const double rtol = loose && !factorises_ ? loose_rtol_ : 0.0;
+  const double rtol = loose && (!factorises_ || is_reused_) ? loose_rtol_ : 0.0;
   PetscCallCXX(system_.condense_residual(f, rhs_));
   PetscCall(run(rtol, target));
   if (failed_ && is_reused_) {

@@ -28,12 +28,14 @@ PCType displacement_multigrid(const assembly::MechanicsSystem& system) { return 
 
 void default_displacement_multigrid(const assembly::MechanicsSystem& system, const std::string& prefix) {
   const std::string p = is_split(system) ? default_split(prefix) : prefix;
-  la::default_option(p, "pc_gamg_threshold", "0.02");
+  // Some threshold is needed where layers differ in stiffness; a larger one keeps couplings that cost more on coarse levels than they save.
+  la::default_option(p, "pc_gamg_threshold", "0.005");
   // The aggregates serve all contact states; the smoothers' eigenvalues do not, and estimates made for aggregation would go stale.
   la::default_option(p, "pc_gamg_reuse_interpolation", "true");
   la::default_option(p, "pc_gamg_use_sa_esteig", "false");
   la::default_option(p, "mg_levels_ksp_type", "chebyshev");
   la::default_option(p, "mg_levels_ksp_max_it", "2");
+  la::default_option(p, "mg_levels_ksp_chebyshev_esteig", "0,0.2,0,1.05");  // incomplete Cholesky leaves few large eigenvalues
   // Jacobi's smoother takes two to three times the iterations, the more so beside fractures, where rows differ in size.
   la::default_option(p, "mg_levels_pc_type", "bjacobi");
   la::default_option(p, "mg_levels_sub_pc_type", "icc");
