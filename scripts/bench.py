@@ -28,7 +28,8 @@ def parse():
     parser.add_argument("--against", type=Path, metavar="RUNS.csv", help="an earlier runs.csv; the report then gives ratios, now over then")
     parser.add_argument("--continue", dest="goes_on", action="store_true", help="keep the rows in DIR/runs.csv and run what is missing")
     parser.add_argument("--program", type=Path, default=ROOT / "build/release/polyslip", metavar="PATH", help="(build/release/polyslip)")
-    parser.add_argument("--table", type=Path, default=ROOT / "scripts/bench_studies.yaml", metavar="YAML", help="table of studies (scripts/bench_studies.yaml)")
+    parser.add_argument("--table", type=Path, default=ROOT / "scripts/bench_studies.yaml", metavar="YAML",
+                        help="table of studies (scripts/bench_studies.yaml)")
     parser.add_argument("-o", dest="output", type=Path, default=Path("bench.out"), metavar="DIR", help="(bench.out)")
     arguments = parser.parse_args()
     if arguments.against and not arguments.against.is_file():

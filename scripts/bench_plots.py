@@ -8,8 +8,9 @@ from matplotlib.ticker import LogLocator, NullFormatter  # noqa: E402
 
 from bench_report import PHASES, exponent, medians, series  # noqa: E402
 
-LABELS = {"seconds.total": "seconds", "memory_mb": "peak memory [MB]", "dofs.total": "unknowns", "mesh.fracture_faces": "fracture faces", "mesh.cells": "cells",
-          "newton_per_step": "Newton iterations a step", "krylov_per_newton": "Krylov iterations a Newton iteration"}
+LABELS = {"seconds.total": "seconds", "memory_mb": "peak memory [MB]", "dofs.total": "unknowns", "mesh.fracture_faces": "fracture faces",
+          "mesh.cells": "cells", "newton_per_step": "Newton iterations a step",
+          "krylov_per_newton": "Krylov iterations a Newton iteration"}
 
 
 def grid(rows, columns):
@@ -30,11 +31,16 @@ def draw_all(axes, study, lines, column, value, name=lambda label, rows: label):
         draw(axes, [(row.get(column), value(row)) for row in reference["rows"]], marker="s", linestyle="--", color="black", label=reference["name"])
 
 
+def tick_digits(low, high):
+    """Leading digits of the labels of a logarithmic axis: the fewer the longer it is."""
+    return (1,) if high > 200 * low else (1, 2, 5) if high > 4 * low else tuple(range(1, 10))
+
+
 def finish(axes, x, y, scales=("log", "log")):
     axes.set(xlabel=LABELS.get(x, x), ylabel=LABELS.get(y, y), xscale=scales[0], yscale=scales[1])
     for axis, scale in zip((axes.xaxis, axes.yaxis), scales):
         if scale == "log":
-            axis.set_major_locator(LogLocator(subs=(1, 2, 5)))
+            axis.set_major_locator(LogLocator(subs=tick_digits(*axis.get_view_interval())))
             axis.set_major_formatter("{x:g}")
             axis.set_minor_formatter(NullFormatter())
     axes.grid(True, alpha=0.3)
@@ -48,21 +54,21 @@ def errors(study, lines):
     for name, row_of_axes in zip(study.errors, axes):
         for column, axis in zip(study.abscissae, row_of_axes):
             draw_all(axis, study, lines, column, lambda row: study.error(row, name))  # noqa: B023
-            finish(axis, column, f"error: {name}")
+            finish(axis, column, study.label(name))
     return figure
 
 
 def growth(study, lines):
-    """Seconds and memory against unknowns, with the exponents."""
+    """Seconds and memory against the size, with the exponents."""
 
     def fitted(label, rows):
-        x = exponent(rows, column)
+        x = exponent(rows, study.size, column)
         return label if x is None else f"{label}: N^{x:.2f}"
 
     figure, axes = grid(1, 2)
     for axis, column in zip(axes[0], ("seconds.total", "memory_mb")):
-        draw_all(axis, study, lines, "dofs.total", lambda row: row.get(column), fitted)  # noqa: B023
-        finish(axis, "dofs.total", column)
+        draw_all(axis, study, lines, study.size, lambda row: row.get(column), fitted)  # noqa: B023
+        finish(axis, study.size, column)
     return figure
 
 
@@ -83,11 +89,11 @@ def phases(study, lines):
 
 
 def counts(study, lines):
-    """Iterations against unknowns."""
+    """Iterations against the size."""
     figure, axes = grid(1, 2)
     for axis, column in zip(axes[0], ("newton_per_step", "krylov_per_newton")):
-        draw_all(axis, study, lines, "dofs.total", lambda row: row.get(column))  # noqa: B023
-        finish(axis, "dofs.total", column, ("log", "linear"))
+        draw_all(axis, study, lines, study.size, lambda row: row.get(column))  # noqa: B023
+        finish(axis, study.size, column, ("log", "linear"))
         axis.set_ylim(bottom=0)
     return figure
 

@@ -50,14 +50,17 @@ def series(study, middle):
         if point.key in middle:
             lines.setdefault((point.case, point.solver, point.ranks), []).append(middle[point.key])
     differ = [len({key[at] for key in lines}) > 1 for at in range(3)]
-    name = lambda key: ", ".join(text for text, shown in zip((key[0], key[1], f"{key[2]} ranks"), differ) if shown) or key[0] or study.name  # noqa: E731
-    return {name(key): line for key, line in lines.items()}
+
+    def name(case, solver, ranks):
+        return ", ".join(text for text, told in zip((case, solver, f"{ranks} ranks"), differ) if told) or case or study.name
+
+    return {name(*key): line for key, line in lines.items()}
 
 
-def exponent(rows, column="seconds.total"):
-    """x of column ~ unknowns^x by least squares of the logarithms; None for one size only."""
-    pairs = [(row["dofs.total"], row[column]) for row in rows if row.get("dofs.total") and row.get(column)]
-    if len({unknowns for unknowns, _ in pairs}) < 2:
+def exponent(rows, size, column="seconds.total"):
+    """x of column ~ size^x by least squares of the logarithms; None for one size only."""
+    pairs = [(row[size], row[column]) for row in rows if row.get(size) and row.get(column)]
+    if len({number for number, _ in pairs}) < 2:
         return None
     return float(np.polyfit(*np.log(pairs).T, 1)[0])
 
@@ -73,8 +76,9 @@ def shown(value, pattern):
     return "" if value is None else format(value, pattern)
 
 
-COLUMNS = [("cells", "mesh.cells", ".0f"), ("unknowns", "dofs.total", ".0f"), ("s", "seconds.total", ".3g"), ("spread", "spread", ".0%"), ("MB", "memory_mb", ".0f"),
-           ("bytes/unknown", "bytes_per_unknown", ".0f"), ("assembly + condensation %", "assembly_share", ".1f"), ("Newton/step", "newton_per_step", ".3g"),
+COLUMNS = [("cells", "mesh.cells", ".0f"), ("unknowns", "dofs.total", ".0f"), ("s", "seconds.total", ".3g"), ("spread", "spread", ".0%"),
+           ("CPU s", "cpu", ".3g"), ("MB", "memory_mb", ".0f"), ("bytes/unknown", "bytes_per_unknown", ".0f"), ("assembly + condensation %", "assembly_share", ".1f"),
+           ("Newton/step", "newton_per_step", ".3g"),
            ("Krylov/Newton", "krylov_per_newton", ".3g"), ("most Krylov", "krylov.max_per_solve", ".0f"), ("set-ups", "setups.preconditioner", ".0f")]
 
 
@@ -90,7 +94,7 @@ def base_ratios(study, row, middle):
 
 
 def study_table(study, middle):
-    header = [*KEY[1:], "runs", *(name for name, _, _ in COLUMNS), *study.errors]
+    header = [*KEY[1:], "runs", *(name for name, _, _ in COLUMNS), *map(study.label, study.errors)]
     if study.base:
         text = ", ".join(f"{value}" if name == "case" else f"{value} {name}" for name, value in study.base.items())
         header += [f"s over {text}", "the same, computing"]
@@ -104,9 +108,9 @@ def study_table(study, middle):
 
 
 def growth_text(study, middle):
-    found = {name: exponent(rows) for name, rows in series(study, middle).items()}
+    found = {name: exponent(rows, study.size) for name, rows in series(study, middle).items()}
     parts = [f"{name} N^{x:.2f}" for name, x in found.items() if x is not None]
-    return "Seconds grow as " + ", ".join(parts) + "." if parts else ""
+    return f"Seconds grow with N {'cells' if study.size == 'mesh.cells' else 'unknowns'} as {', '.join(parts)}." if parts else ""
 
 
 def reference_table(reference):

@@ -4,6 +4,7 @@ import csv
 import json
 import os
 import re
+import resource
 import shutil
 import signal
 import subprocess
@@ -18,7 +19,7 @@ ROOT = Path(__file__).resolve().parent.parent
 ENVIRONMENT = {"OPENBLAS_NUM_THREADS": "1", "OMPI_ALLOW_RUN_AS_ROOT": "1", "OMPI_ALLOW_RUN_AS_ROOT_CONFIRM": "1", "OMPI_MCA_mpi_yield_when_idle": "1"}
 LAUNCHER = ["mpirun", "--oversubscribe", "--bind-to", "none", "-n"]
 STATUS = {0: "finished", 2: "refused", 3: "diverged"}
-LEADING = [*KEY, "repeat", "status", "reason", "load", "wall"]  # the other columns are those of the summaries
+LEADING = [*KEY, "repeat", "status", "reason", "load", "wall", "cpu"]  # the other columns are those of the summaries
 
 
 class NoMesh(Exception):
@@ -45,9 +46,9 @@ class Runner:
             command = self._command(point, folder)
         except NoMesh as error:
             return {**row, "status": "no mesh", "reason": str(error)}
-        begin = time.monotonic()
+        begin, cpu = time.monotonic(), cpu_seconds()
         status, reason = execute(command, folder / "log", point.time_limit)
-        row |= {"wall": round(time.monotonic() - begin, 3), "status": status, "reason": reason}
+        row |= {"wall": round(time.monotonic() - begin, 3), "cpu": round(cpu_seconds() - cpu, 3), "status": status, "reason": reason}
         row |= results(folder, study.columns_of_history())
         for large in [*folder.glob("*.h5"), *folder.glob("*.xdmf")]:
             large.unlink()
@@ -84,12 +85,18 @@ class Runner:
         return file
 
 
+def cpu_seconds():
+    """Of all that has been run so far, on all ranks [s]."""
+    usage = resource.getrusage(resource.RUSAGE_CHILDREN)
+    return usage.ru_utime + usage.ru_stime
+
+
 def execute(command, log, limit):
     """(status, reason) of a command that writes to a log; it and all that it started are stopped after the limit [s]."""
     with log.open("w", encoding="utf-8") as out:
         try:
-            process = subprocess.Popen(command, cwd=ROOT, env={**os.environ, **ENVIRONMENT}, stdin=subprocess.DEVNULL, stdout=out, stderr=subprocess.STDOUT,
-                                       start_new_session=True)
+            process = subprocess.Popen(command, cwd=ROOT, env={**os.environ, **ENVIRONMENT}, stdin=subprocess.DEVNULL, stdout=out,
+                                       stderr=subprocess.STDOUT, start_new_session=True)
         except OSError as error:
             return "not started", str(error)
         try:

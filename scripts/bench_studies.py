@@ -8,7 +8,7 @@ import yaml
 KEY = ("study", "case", "level", "solver", "ranks")  # what tells one run of the table from another, as columns of runs.csv
 DEFAULTS = {"set": {}, "cases": {"": {}}, "solvers": ["built-in"], "ranks": [1], "levels": [""], "quick": [], "repeats": 3, "quick_repeats": 1,
             "time_limit": 600, "mesh": None, "errors": {}, "references": [], "base": None, "note": "", "options": "",
-            "abscissae": ["seconds.total", "memory_mb", "dofs.total"]}
+            "abscissae": ["seconds.total", "memory_mb", "dofs.total"], "size": "dofs.total"}
 
 
 @dataclass(frozen=True)
@@ -46,6 +46,7 @@ class Study:
     points: list
     errors: dict  # name: column, or map of column and exact value
     abscissae: list  # columns that errors are drawn against
+    size: str  # column that cost and counts are drawn against
     references: list  # figures of others, as rows with the columns of runs.csv
     base: dict  # columns of the point whose seconds others are divided by
 
@@ -54,12 +55,15 @@ class Study:
         return [column.removeprefix("history.") for column in columns if column.startswith("history.")]
 
     def error(self, row, name):
-        """An error of a row: a column of it, or its distance from an exact value, relative to that."""
+        """An error of a row: a column of it, or its distance from an exact value, relative to that; without one, the value itself."""
         entry = self.errors[name]
         if isinstance(entry, str):
             return row.get(entry)
         value = row.get(entry["column"])
-        return None if value is None else abs(value / float(entry["exact"]) - 1)
+        return abs(value / float(entry["exact"]) - 1) if value is not None and "exact" in entry else value
+
+    def label(self, name):
+        return name if isinstance(self.errors[name], dict) and "exact" not in self.errors[name] else f"error of {name}"
 
 
 class TableError(Exception):
@@ -102,5 +106,6 @@ def read_table(file, quick=False):
         except KeyError as error:
             raise TableError(f"{file}: study {name} needs {error}, which is not there.") from error
         if points:
-            studies[name] = Study(name, entry["title"], entry["note"], points, entry["errors"], entry["abscissae"], entry["references"], entry["base"])
+            studies[name] = Study(name, entry["title"], entry["note"], points, entry["errors"], entry["abscissae"], entry["size"],
+                                  entry["references"], entry["base"])
     return studies
