@@ -24,7 +24,8 @@ def parse():
     parser.add_argument("--coarsest", type=int, metavar="N", help="only the N coarsest levels of each study")
     parser.add_argument("--case", action="append", metavar="CASE", help="only this case of the studies; may be repeated")
     parser.add_argument("--repeats", type=int, metavar="N", help="repeats of each run (default: those of the table)")
-    parser.add_argument("--options", default="", help="more options for all runs, to compare with a report without them")
+    parser.add_argument("--options", default="", metavar="TEXT",
+                        help='more options for all runs, to compare with a report without them; given as --options="-name value"')
     parser.add_argument("--against", type=Path, metavar="RUNS.csv", help="an earlier runs.csv; the report then gives ratios, now over then")
     parser.add_argument("--continue", dest="goes_on", action="store_true", help="keep the rows in DIR/runs.csv and run what is missing")
     parser.add_argument("--program", type=Path, default=ROOT / "build/release/polyslip", metavar="PATH", help="(build/release/polyslip)")
@@ -113,11 +114,15 @@ def main():
     rows = read_rows(stored) if arguments.goes_on and stored.exists() else []
     try:
         run_all(arguments, studies, rows, earlier)
-    finally:  # after Ctrl-C too
-        write_report(studies, rows, arguments.output, earlier, draw_studies(studies, rows, arguments.output))
+        interrupted = False
+    except KeyboardInterrupt:
+        interrupted = True
+    write_report(studies, rows, arguments.output, earlier, draw_studies(studies, rows, arguments.output))
     failures = sum(row["status"] != "finished" for row in rows)
     print(f"{failures} failures in {len(rows)} runs; see {arguments.output / 'report.md'}")
-    return int(failures > 0)
+    if interrupted:
+        print("bench: interrupted; --continue goes on from here")
+    return 130 if interrupted else int(failures > 0)
 
 
 if __name__ == "__main__":

@@ -77,7 +77,8 @@ def shown(value, pattern):
 
 
 COLUMNS = [("cells", "mesh.cells", ".0f"), ("unknowns", "dofs.total", ".0f"), ("s", "seconds.total", ".3g"), ("spread", "spread", ".0%"),
-           ("CPU s", "cpu", ".3g"), ("MB", "memory_mb", ".0f"), ("bytes/unknown", "bytes_per_unknown", ".0f"), ("assembly + condensation %", "assembly_share", ".1f"),
+           ("CPU s", "cpu", ".3g"), ("MB", "memory_mb", ".0f"), ("bytes/unknown", "bytes_per_unknown", ".0f"),
+           ("assembly + condensation %", "assembly_share", ".1f"),
            ("Newton/step", "newton_per_step", ".3g"),
            ("Krylov/Newton", "krylov_per_newton", ".3g"), ("most Krylov", "krylov.max_per_solve", ".0f"), ("set-ups", "setups.preconditioner", ".0f")]
 

@@ -50,6 +50,8 @@ class Runner:
         status, reason = execute(command, folder / "log", point.time_limit)
         row |= {"wall": round(time.monotonic() - begin, 3), "cpu": round(cpu_seconds() - cpu, 3), "status": status, "reason": reason}
         row |= results(folder, study.columns_of_history())
+        if status == "too long":
+            row["reason"] = reason  # not that the program was asked to stop
         for large in [*folder.glob("*.h5"), *folder.glob("*.xdmf")]:
             large.unlink()
         return row
@@ -102,12 +104,21 @@ def execute(command, log, limit):
         try:
             code = process.wait(limit)
         except BaseException as error:  # Ctrl-C too: no run outlives the bench
-            os.killpg(process.pid, signal.SIGKILL)
-            process.wait()
+            stop(process)
             if not isinstance(error, subprocess.TimeoutExpired):
                 raise
             return "too long", f"stopped after {limit:g} s"
     return STATUS.get(code, f"exit code {code}"), "" if code == 0 else last_line(log)
+
+
+def stop(process):
+    """Ends a process and all that it started: gently at first, as mpirun then ends its ranks, which are not in its group."""
+    process.terminate()
+    try:
+        process.wait(20)
+    except subprocess.TimeoutExpired:
+        os.killpg(process.pid, signal.SIGKILL)
+        process.wait()
 
 
 def last_line(log):
