@@ -27,7 +27,7 @@ def parse():
     parser.add_argument("--options", default="", metavar="TEXT",
                         help='more options for all runs, to compare with a report without them; given as --options="-name value"')
     parser.add_argument("--against", type=Path, metavar="RUNS.csv", help="an earlier runs.csv; the report then gives ratios, now over then")
-    parser.add_argument("--continue", dest="goes_on", action="store_true", help="keep the rows in DIR/runs.csv and run what is missing")
+    parser.add_argument("--continue", dest="goes_on", action="store_true", help="keep the rows in DIR/runs.csv and run what is missing of the studies")
     parser.add_argument("--program", type=Path, default=ROOT / "build/release/polyslip", metavar="PATH", help="(build/release/polyslip)")
     parser.add_argument("--table", type=Path, default=ROOT / "scripts/bench_studies.yaml", metavar="YAML",
                         help="table of studies (scripts/bench_studies.yaml)")

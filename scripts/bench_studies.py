@@ -6,7 +6,7 @@ from string import Template
 import yaml
 
 KEY = ("study", "case", "level", "solver", "ranks")  # what tells one run of the table from another, as columns of runs.csv
-DEFAULTS = {"set": {}, "cases": {"": {}}, "solvers": ["built-in"], "ranks": [1], "levels": [""], "quick": [], "repeats": 3, "quick_repeats": 1,
+DEFAULTS = {"set": {}, "cases": {"": {}}, "solvers": ["built-in"], "ranks": [1], "levels": [""], "quick": [], "repeats": 2, "quick_repeats": 1,
             "time_limit": 600, "mesh": None, "errors": {}, "references": [], "base": None, "note": "", "options": "",
             "abscissae": ["seconds.total", "memory_mb", "dofs.total"], "size": "dofs.total"}
 

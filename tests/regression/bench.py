@@ -83,6 +83,11 @@ class Runs(unittest.TestCase):
                 self.assertEqual((row["status"], row["mesh.cells"], row["build.type"] != ""), ("finished", str(2 * int(row["level"])), True))
                 self.assertAlmostEqual(float(row["bytes_per_unknown"]), float(row["memory_mb"]) * 2**20 / float(row["dofs.total"]), delta=1)
 
+    def test_the_log_ends_with_the_bytes_per_unknown_of_the_last_repeat(self):
+        last = [row for row in self.rows if (row["case"], row["level"]) == ("good", "8")][-1]
+        log = (Path(self.folder.name) / "out/runs/column_good_8_built-in_1/log").read_text()
+        self.assertIn(f"{float(last['bytes_per_unknown']):.0f} bytes per unknown", log.splitlines()[-1])
+
     def test_a_failure_is_a_row_with_its_reason(self):
         self.assertEqual(self.code, 1)
         failures = {row["study"] + row["case"]: row for row in self.rows if row["status"] != "finished"}
