@@ -1,6 +1,7 @@
 #include "polyslip/io/summary.hpp"
 
 #include <nlohmann/json.hpp>
+#include <numeric>
 
 #include "polyslip/io/atomic_file.hpp"
 
@@ -13,7 +14,8 @@ using Json = nlohmann::ordered_json;  // keys stay in the order of interface.md
 Json number(const std::optional<double>& value) { return value ? Json(*value) : Json(nullptr); }
 
 Json run_section(const Summary& s) {
-  return {{"scene", s.scene}, {"version", s.version}, {"ranks", s.ranks}, {"status", s.status}, {"message", s.message}};
+  return {{"scene", s.scene}, {"version", s.version}, {"ranks", s.ranks}, {"status", s.status}, {"message", s.message},
+          {"build", {{"petsc", s.build.petsc}, {"type", s.build.type}}}};
 }
 
 Json mesh_section(const Summary& s) {
@@ -64,6 +66,12 @@ Json seconds_section(const Summary& s) {
 
 }  // namespace
 
+std::optional<double> Summary::bytes_per_unknown() const {
+  if (peak_memory_mb_per_rank.empty() || dofs.total == 0) return std::nullopt;
+  const double megabytes = std::accumulate(peak_memory_mb_per_rank.begin(), peak_memory_mb_per_rank.end(), 0.0);
+  return megabytes * 1024 * 1024 / static_cast<double>(dofs.total);
+}
+
 void write_summary(const Summary& s, const std::filesystem::path& file) {
   Json json = run_section(s);
   json["mesh"] = mesh_section(s);
@@ -79,6 +87,7 @@ void write_summary(const Summary& s, const std::filesystem::path& file) {
   json["extremes"] = extremes_section(s);
   json["seconds"] = seconds_section(s);
   json["peak_memory_mb_per_rank"] = s.peak_memory_mb_per_rank;
+  json["bytes_per_unknown"] = number(s.bytes_per_unknown());
   // `replace`: a message with broken UTF-8 (a path, say) must not cost the summary.
   write_atomically(file, json.dump(2, ' ', false, Json::error_handler_t::replace) + "\n");
 }

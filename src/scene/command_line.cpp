@@ -81,9 +81,10 @@ CommandLine parse_command_line(int argc, char** argv) {
 
 std::string full_help() { return std::string(usage) + "\nScene keys:\n" + help_text(); }
 
+std::string petsc_version() { return fmt::format("{}.{}.{}", PETSC_VERSION_MAJOR, PETSC_VERSION_MINOR, PETSC_VERSION_SUBMINOR); }
+
 std::string version_text() {
-  std::string text = fmt::format("polyslip {}\nPETSc {}.{}.{}", POLYSLIP_VERSION, PETSC_VERSION_MAJOR, PETSC_VERSION_MINOR,
-                                 PETSC_VERSION_SUBMINOR);
+  std::string text = fmt::format("polyslip {}\nPETSc {}", POLYSLIP_VERSION, petsc_version());
 #ifdef PETSC_HAVE_HYPRE
   text += ", hypre";
 #endif

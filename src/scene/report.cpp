@@ -7,6 +7,7 @@
 #include <cmath>
 
 #include "polyslip/assembly/error_norms.hpp"
+#include "polyslip/scene/command_line.hpp"
 
 namespace polyslip::scene {
 
@@ -56,6 +57,7 @@ void report_start(const Log& log, io::Summary& s, const Scene& scene, const Mode
   const auto [smallest, largest] = cell_sizes(mesh);
   s.scene = scene.name;
   s.version = POLYSLIP_VERSION;
+  s.build = {petsc_version(), POLYSLIP_BUILD_TYPE};
   s.ranks = mpi::size(mesh.comm);
   s.mesh = {mesh.mesh.dim, mesh.cells.total, mesh.total_faces, mesh.total_nodes, mesh.fractures.total, largest, smallest};
   count_unknowns(s, scene, model);
@@ -150,6 +152,13 @@ void add_counters(io::Summary& s, const Model& model, const solver::StepperResul
   rusage usage{};
   getrusage(RUSAGE_SELF, &usage);
   s.peak_memory_mb_per_rank = mpi::all_gather(model.mesh().comm, static_cast<double>(usage.ru_maxrss) / 1024);
+}
+
+std::string closing_line(const io::Summary& s) {
+  std::string text = fmt::format("{}: {} step{}, {} Newton iterations, {:.2f} s", s.status, s.steps.accepted,
+                                 s.steps.accepted == 1 ? "" : "s", s.newton.total, s.seconds.total);
+  if (const auto bytes = s.bytes_per_unknown()) text += fmt::format(", {:.0f} bytes per unknown at most", *bytes);
+  return s.message.empty() ? text : text + ": " + s.message;
 }
 
 std::string duration(double seconds) {

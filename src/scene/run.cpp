@@ -181,8 +181,7 @@ void Run::finish(const solver::StepperResult& result) {
   add_counters(summary_, *model_, result, state);
   summary_.seconds.total = MPI_Wtime() - begin_;
   mpi::on_root(comm_, [&] { io::write_summary(summary_, directory_ / "summary.json"); });
-  log_.line("{}: {} step{}, {} Newton iterations, {:.2f} s{}{}", summary_.status, state.accepted, state.accepted == 1 ? "" : "s",
-            state.newton_total, summary_.seconds.total, summary_.message.empty() ? "" : ": ", summary_.message);
+  log_.line("{}", closing_line(summary_));
 }
 
 ExitCode Run::execute() {

@@ -176,7 +176,7 @@ def computed_fluxes(done):
 # -------------------------------------------------------------------------------------------------------------- tests
 
 
-HAS_GMSH = (VENV / "installed_mesh.txt").exists()
+HAS_GMSH = (VENV / "installed_mesh_requirements.txt").exists()
 
 
 class FractureFlow(unittest.TestCase):

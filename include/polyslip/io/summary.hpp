@@ -1,4 +1,4 @@
-// summary.json, exactly as interface.md says.
+// summary.json, as interface.md says, with the build and the bytes an unknown.
 #pragma once
 
 #include <filesystem>
@@ -12,6 +12,7 @@ struct Summary {
   std::string scene, version, status = "finished", message;
   int ranks = 1;
   // clang-format off
+  struct { std::string petsc, type; } build;
   struct { int dimension = 0; long long cells = 0, faces = 0, nodes = 0, fracture_faces = 0; double h_max = 0, h_min = 0; } mesh;
   struct { long long displacement_nodal = 0, displacement_bubble = 0, multiplier = 0, pressure = 0, total = 0, solved = 0; } dofs;
   struct { int accepted = 0, rejected = 0; } steps;
@@ -28,6 +29,9 @@ struct Summary {
   struct { double total = 0, read = 0, partition = 0, assemble = 0, condense = 0, solve = 0, write = 0; } seconds;
   // clang-format on
   std::vector<double> peak_memory_mb_per_rank;
+
+  /// Peak memory of all ranks over all unknowns, eliminated ones too [bytes]; absent where memory or unknowns are not known.
+  [[nodiscard]] std::optional<double> bytes_per_unknown() const;
 };
 
 /// Writes atomically (a temporary file renamed). What is absent is null. Call on rank 0.

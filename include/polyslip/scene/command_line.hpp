@@ -24,6 +24,8 @@ CommandLine parse_command_line(int argc, char** argv);
 /// Usage, our arguments and PETSc options by group, then the scene keys.
 std::string full_help();
 
+std::string petsc_version();
+
 /// Version of polyslip, PETSc and the packages it was built with.
 std::string version_text();
 

@@ -30,4 +30,7 @@ void add_counters(io::Summary& summary, const Model& model, const solver::Steppe
 /// "3 min 20 s", for waiting times.
 std::string duration(double seconds);
 
+/// How the run ended and what it took, in a line.
+std::string closing_line(const io::Summary& summary);
+
 }  // namespace polyslip::scene

@@ -83,6 +83,7 @@ const std::vector<std::pair<std::string, std::vector<std::string>>>& promised_ke
       {"ranks", {}},
       {"status", {}},
       {"message", {}},
+      {"build", {"petsc", "type"}},
       {"mesh", {"dimension", "cells", "faces", "nodes", "fracture_faces", "h_max", "h_min"}},
       {"dofs", {"displacement_nodal", "displacement_bubble", "multiplier", "pressure", "total", "solved"}},
       {"steps", {"accepted", "rejected"}},
@@ -96,7 +97,8 @@ const std::vector<std::pair<std::string, std::vector<std::string>>>& promised_ke
         "jump_tangential_l2", "pressure_l2", "flux_l2"}},
       {"extremes", {"max_slip", "max_opening", "min_pressure", "max_pressure", "mean_pressure"}},
       {"seconds", {"total", "read", "partition", "assemble", "condense", "solve", "write"}},
-      {"peak_memory_mb_per_rank", {}}};
+      {"peak_memory_mb_per_rank", {}},
+      {"bytes_per_unknown", {}}};
   return keys;
 }
 
@@ -129,6 +131,14 @@ TEST(summary, absent_and_not_finite_numbers_are_null) {
   EXPECT_TRUE(json["extremes"]["max_slip"].is_null());
   EXPECT_EQ(json["mesh"]["cells"], 3'000'000'000);
   EXPECT_EQ(json["peak_memory_mb_per_rank"], nlohmann::json({12.5, 13.0}));
+  EXPECT_TRUE(json["bytes_per_unknown"].is_null()) << "there are no unknowns";
+}
+
+TEST(summary, bytes_per_unknown_are_those_of_all_ranks_over_all_unknowns) {
+  io::Summary s = example();
+  s.dofs.total = 1024;
+  s.dofs.solved = 512;
+  EXPECT_EQ(s.bytes_per_unknown(), 25.5 * 1024);
 }
 
 TEST(summary, replaces_an_older_one_and_leaves_nothing_else) {
