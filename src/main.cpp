@@ -1,8 +1,11 @@
 // polyslip: frictional contact and flow in fractured rock on polytopal meshes.
 #include <petscsys.h>
+#include <unistd.h>
 
 #include <cstdio>
+#include <cstdlib>
 #include <exception>
+#include <new>
 #include <vector>
 
 #include "polyslip/common/error.hpp"
@@ -35,20 +38,32 @@ class PetscSession {
   std::vector<char*> pointers_;
 };
 
+[[noreturn]] void abort_all(const std::string& message, int code) {
+  std::fprintf(stderr, "polyslip: %s\n", message.c_str());
+  std::fflush(nullptr);
+  MPI_Abort(PETSC_COMM_WORLD, code);
+  std::abort();
+}
+
 int run(const scene::CommandLine& line) {
   const PetscSession session(line.petsc);
-  const bool speaks = mpi::rank(PETSC_COMM_WORLD) == 0;
+  const mpi::Muster muster(PETSC_COMM_WORLD);
+  // One rank alone may come to one of these: the others must not wait for it. Nor can files be closed in order on a full disk.
   try {
     return scene::run_scene(PETSC_COMM_WORLD, line);
   } catch (const InputError& e) {
-    if (speaks) std::fprintf(stderr, "polyslip: %s\n", e.what());
+    if (!muster.all_come()) abort_all(e.what(), scene::exit_bad_input);
+    if (mpi::rank(PETSC_COMM_WORLD) == 0) std::fprintf(stderr, "polyslip: %s\n", e.what());
     return scene::exit_bad_input;
+  } catch (const ResourceError& e) {
+    if (!muster.all_come() || mpi::rank(PETSC_COMM_WORLD) == 0) abort_all(e.what(), scene::exit_internal_error);
+  } catch (const std::bad_alloc&) {
+    abort_all(mpi::out_of_memory(), scene::exit_internal_error);
   } catch (const std::exception& e) {
-    // One rank alone may be here: the others must not wait for it.
-    std::fprintf(stderr, "polyslip: internal error: %s\n", e.what());
-    MPI_Abort(PETSC_COMM_WORLD, scene::exit_internal_error);
-    return scene::exit_internal_error;
+    abort_all(std::string("internal error: ") + e.what(), scene::exit_internal_error);
   }
+  sleep(10);  // for rank 0, which speaks, to end all
+  return scene::exit_internal_error;
 }
 
 }  // namespace

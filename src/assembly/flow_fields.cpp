@@ -169,25 +169,27 @@ FlowErrorNorms flow_error_norms(const FlowSystem& system, const physics::ExactFl
   Gradients gradients(system, q);
   Squares pressure, flux;
   std::vector<geometry::QuadraturePoint> rule;
-  for (Index cell = 0; cell < system.mesh().cells.owned; ++cell) {
-    const Vec3 V = gradients.flux(cell);
-    if (exact.pressure) {
-      const Vec3& centre = gradients.element().centre();
-      const double volume = system.fluxes().volumes()[cell], p = (*exact.pressure)({.x = centre, .t = time});
-      pressure.error += volume * std::pow(gradients.cell_value(cell) + system.reference_at(centre) - p, 2);
-      pressure.exact += volume * p * p;
+  mpi::together(system.mesh().comm, [&] {
+    for (Index cell = 0; cell < system.mesh().cells.owned; ++cell) {
+      const Vec3 V = gradients.flux(cell);
+      if (exact.pressure) {
+        const Vec3& centre = gradients.element().centre();
+        const double volume = system.fluxes().volumes()[cell], p = (*exact.pressure)({.x = centre, .t = time});
+        pressure.error += volume * std::pow(gradients.cell_value(cell) + system.reference_at(centre) - p, 2);
+        pressure.exact += volume * p * p;
+      }
+      if (!exact.flux) continue;
+      rule.clear();
+      gradients.element().append_rule(rule);
+      for (const auto& point : rule) {
+        const EvalPoint at{.x = point.x, .t = time};
+        Vec3 v = Vec3::Zero();
+        for (int a = 0; a < system.mesh().mesh.dim; ++a) v[a] = (*exact.flux)[a](at);
+        flux.error += point.weight * (V - v).squaredNorm();
+        flux.exact += point.weight * v.squaredNorm();
+      }
     }
-    if (!exact.flux) continue;
-    rule.clear();
-    gradients.element().append_rule(rule);
-    for (const auto& point : rule) {
-      const EvalPoint at{.x = point.x, .t = time};
-      Vec3 v = Vec3::Zero();
-      for (int a = 0; a < system.mesh().mesh.dim; ++a) v[a] = (*exact.flux)[a](at);
-      flux.error += point.weight * (V - v).squaredNorm();
-      flux.exact += point.weight * v.squaredNorm();
-    }
-  }
+  });
   FlowErrorNorms norms;
   if (exact.pressure) norms.pressure = pressure.relative(system.mesh().comm);
   if (exact.flux) norms.flux = flux.relative(system.mesh().comm);

@@ -127,6 +127,11 @@ EvalPoint FlowLoadAssembler::fracture_point(Index f, double time) const {
 }
 
 FlowLoads FlowLoadAssembler::at(double time) const {
+  return mpi::made_together(mesh_.comm, [&] { return evaluate(time); });
+}
+
+/// What expressions give on this rank, which may refuse them.
+FlowLoads FlowLoadAssembler::evaluate(double time) const {
   const auto n = static_cast<std::size_t>(layout_.size());
   FlowLoads loads{std::vector<double>(n), std::vector<double>(n)};
   for (std::size_t k = 0; k < problem_.sources.size(); ++k) {

@@ -8,23 +8,11 @@
 
 namespace polyslip::assembly {
 
-namespace {
-
-/// What `make` returns, or its InputError on all ranks alike.
-template <class Make>
-auto together(MPI_Comm comm, Make&& make) {
-  decltype(make()) result;
-  mpi::together(comm, [&] { result = make(); });
-  return result;
-}
-
-}  // namespace
-
 FlowSystem::FlowSystem(const mesh::DistributedMesh& mesh, const physics::FlowProblem& problem)
     : mesh_(mesh),
       problem_(problem),
-      rock_(together(mesh.comm, [&] { return physics::cell_hydraulics(mesh.mesh, problem.materials); })),
-      fractures_(together(mesh.comm, [&] { return fracture_properties(); })),
+      rock_(mpi::made_together(mesh.comm, [&] { return physics::cell_hydraulics(mesh.mesh, problem.materials); })),
+      fractures_(mpi::made_together(mesh.comm, [&] { return fracture_properties(); })),
       conducting_apertures_(contact_apertures()),
       storing_apertures_(conducting_apertures_),
       conductivities_(conductivities_at(conducting_apertures_)),
@@ -70,10 +58,12 @@ std::vector<physics::FractureConductivity> FlowSystem::conductivities_at(std::sp
 double FlowSystem::mean_initial_pressure() const {
   if (problem_.initial_pressure.is_constant()) return problem_.initial_pressure(EvalPoint{});
   std::array<double, 2> sums{};
-  for (Index cell = 0; cell < mesh_.cells.owned; ++cell) {
-    sums[0] += operator_.volumes()[cell] * problem_.initial_pressure({.x = operator_.points()[layout_.cell(cell)]});
-    sums[1] += operator_.volumes()[cell];
-  }
+  mpi::together(mesh_.comm, [&] {
+    for (Index cell = 0; cell < mesh_.cells.owned; ++cell) {
+      sums[0] += operator_.volumes()[cell] * problem_.initial_pressure({.x = operator_.points()[layout_.cell(cell)]});
+      sums[1] += operator_.volumes()[cell];
+    }
+  });
   mpi::sum_in_place(mesh_.comm, sums);
   return sums[0] / sums[1];
 }
@@ -84,7 +74,9 @@ double FlowSystem::reference_at(const Vec3& x) const {
 
 std::vector<double> FlowSystem::reference_values() const {
   std::vector<double> values(static_cast<std::size_t>(layout_.local_size()));
-  for (Index i = 0; i < layout_.size(); ++i) values[i] = operator_.is_drop(i) ? 0.0 : reference_at(operator_.points()[i]);
+  mpi::together(mesh_.comm, [&] {
+    for (Index i = 0; i < layout_.size(); ++i) values[i] = operator_.is_drop(i) ? 0.0 : reference_at(operator_.points()[i]);
+  });
   layout_.halo().owner_to_ghost(values);
   return values;
 }
@@ -92,7 +84,9 @@ std::vector<double> FlowSystem::reference_values() const {
 void FlowSystem::set_initial(double time, Vec q) const {
   const auto initial = [&](Index i) { return problem_.initial_pressure({.x = operator_.points()[i], .t = time}) - reference_[i]; };
   const VecWrite a(q);
-  for (Index i = 0; i < layout_.size(); ++i) a[i] = operator_.is_drop(i) ? 0.0 : initial(i);
+  mpi::together(mesh_.comm, [&] {
+    for (Index i = 0; i < layout_.size(); ++i) a[i] = operator_.is_drop(i) ? 0.0 : initial(i);
+  });
 }
 
 bool FlowSystem::all_positive(std::span<const double> apertures) const {

@@ -26,16 +26,18 @@ double friction_bound(const physics::ContactLaw& law, double normal) {
 
 FractureWindow::FractureWindow(const mesh::DistributedMesh& mesh, const WindowRule& rule) : mesh_(mesh) {
   const mesh::PolyMesh& m = mesh.mesh;
-  for (Index f = 0; f < mesh.fractures.owned; ++f) {
-    const Index face = mesh.fracture_faces[f], fracture = m.face_fracture[face];
-    if (!rule.fracture.empty() && m.fracture_names[fracture] != rule.fracture) continue;
-    const auto geometry = spaces::face_geometry(m, face);
-    const EvalPoint at{.x = geometry.centre, .tip_distance = m.face_tip_distance[face], .fracture_length = m.fracture_length[fracture]};
-    if (rule.where && (*rule.where)(at) == 0) continue;
-    faces_.push_back(f);
-    areas_.push_back(geometry.area);
-    area_ += geometry.area;
-  }
+  mpi::together(mesh.comm, [&] {
+    for (Index f = 0; f < mesh.fractures.owned; ++f) {
+      const Index face = mesh.fracture_faces[f], fracture = m.face_fracture[face];
+      if (!rule.fracture.empty() && m.fracture_names[fracture] != rule.fracture) continue;
+      const auto geometry = spaces::face_geometry(m, face);
+      const EvalPoint at{.x = geometry.centre, .tip_distance = m.face_tip_distance[face], .fracture_length = m.fracture_length[fracture]};
+      if (rule.where && (*rule.where)(at) == 0) continue;
+      faces_.push_back(f);
+      areas_.push_back(geometry.area);
+      area_ += geometry.area;
+    }
+  });
   area_ = mpi::sum(mesh.comm, area_);
 }
 

@@ -139,6 +139,14 @@ Loads LoadAssembler::zero() const {
 
 Loads LoadAssembler::at(double time) const {
   Loads loads = zero();
+  mpi::together(mesh_.comm, [&] { evaluate(time, loads); });
+  layout_.exchange(loads.dirichlet);
+  mpi::together(mesh_.comm, [&] { set_normal_dirichlet(time, loads); });
+  return loads;
+}
+
+/// What expressions give on this rank, which may refuse them.
+void LoadAssembler::evaluate(double time, Loads& loads) const {
   if (!is_zero(problem_.body_force, mesh_.mesh.dim)) add_body_force(time, loads);
   if (problem_.initial_stress) add_initial_stress(time, loads);
   add_boundary_forces(time, loads);
@@ -153,7 +161,6 @@ Loads LoadAssembler::at(double time) const {
         loads.fracture_pressure[f] = rule.fracture_pressure(
             {face.centre, time, mesh_.mesh.face_tip_distance[mesh_face], mesh_.mesh.fracture_length[fracture]});
   }
-  return loads;
 }
 
 void LoadAssembler::add_to_unknown(const spaces::VemCell& vem, int j, const Vec3& force, Loads& loads) const {
@@ -263,8 +270,6 @@ void LoadAssembler::set_dirichlet(double time, Loads& loads) const {
       if (r < 0) continue;
       loads.dirichlet[layout_.of_copy(copy) + a] = (*problem_.boundary[r].displacement[a])({.x = evaluation_points_[copy], .t = time});
     }
-  layout_.exchange(loads.dirichlet);
-  if (!fixed_normals_.empty()) set_normal_dirichlet(time, loads);
 }
 
 /// What the mean of a prescribed displacement over a face has beyond the weighted values at its nodes, along the normal. Without it the

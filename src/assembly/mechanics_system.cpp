@@ -160,7 +160,7 @@ la::Handle<MatNullSpace> rigid_body_modes(const mesh::DistributedMesh& mesh, con
 MechanicsSystem::MechanicsSystem(const mesh::DistributedMesh& mesh, const physics::MechanicsProblem& problem)
     : mesh_(mesh),
       problem_(problem),
-      moduli_(physics::cell_moduli(mesh.mesh, problem.materials)),
+      moduli_(mpi::made_together(mesh.comm, [&] { return physics::cell_moduli(mesh.mesh, problem.materials); })),
       layout_(mesh, problem.bubbles),
       cells_(mesh, layout_, moduli_, problem.stabilisation),
       load_assembler_(mesh, problem, layout_, cells_),
@@ -172,7 +172,7 @@ MechanicsSystem::MechanicsSystem(const mesh::DistributedMesh& mesh, const physic
       work2_(layout_.create_state()),
       free_in_(layout_.create_displacement_vector()),
       product_(layout_.create_displacement_vector()) {
-  assign_laws(mesh, problem, cells_);
+  mpi::together(mesh.comm, [&] { assign_laws(mesh, problem, cells_); });
   assemble_bulk();
 }
 

@@ -73,7 +73,7 @@ std::optional<double> plain_number(const std::string& text) {
   return whole ? std::optional(value) : std::nullopt;
 }
 
-std::string shown(const std::string& text) { return text.size() <= 200 ? text : text.substr(0, 200) + "..."; }
+constexpr const char* formula_remedy = "Write a number or a formula of x, y, z and t, such as 2*sin(pi*x)";
 
 [[noreturn]] void refuse(const std::string& where, const std::string& text, const std::string& what, std::size_t position,
                          const std::string& remedy = "") {
@@ -89,8 +89,8 @@ void refuse_infinite(double value, const std::string& text, const std::string& w
 /// character.
 void refuse_traps(const std::string& text, const std::string& where) {
   if (text.find_first_not_of(" \t\r\n") == std::string::npos)
-    throw InputError("the expression is empty", where, "Write a number or a formula of x, y, z and t");
-  if (const std::size_t i = text.find('\0'); i != std::string::npos) refuse(where, text, "a null character", i);
+    throw InputError("the expression is empty", where, formula_remedy);
+  if (const std::size_t i = text.find('\0'); i != std::string::npos) refuse(where, text, "a null character", i, formula_remedy);
   for (std::size_t i = text.find('='); i != std::string::npos; i = text.find('=', i + 1)) {
     const bool after_operator = i > 0 && (text[i - 1] == '<' || text[i - 1] == '>' || text[i - 1] == '!');
     const bool doubled = i + 1 < text.size() && text[i + 1] == '=';
@@ -186,7 +186,8 @@ class Compiler {
       if (result.parser.GetNumResults() != 1) refuse(where, text, "a second value", text.find(','), "Give one value");
     } catch (const mu::ParserError& error) {
       // The position is -1 when muParser cannot tell, and one too far at the end.
-      refuse(where, text, spoken(error), static_cast<std::size_t>(std::clamp(error.GetPos(), 0, static_cast<int>(text.size()))));
+      refuse(where, text, shown(spoken(error)), static_cast<std::size_t>(std::clamp(error.GetPos(), 0, static_cast<int>(text.size()))),
+             formula_remedy);
     }
     return result;
   }

@@ -1,6 +1,13 @@
 #include "polyslip/common/mpi.hpp"
 
+#include <sys/resource.h>
+#include <unistd.h>
+
 #include <cstdlib>
+#include <filesystem>
+#include <new>
+
+#include "polyslip/common/error.hpp"
 
 namespace polyslip::mpi {
 
@@ -64,6 +71,49 @@ std::vector<double> all_gather(MPI_Comm comm, double value) {
   std::vector<double> values(static_cast<std::size_t>(size(comm)));
   MPI_Allgather(&value, 1, MPI_DOUBLE, values.data(), 1, MPI_DOUBLE, comm);
   return values;
+}
+
+std::string packed_exception() {
+  try {
+    throw;
+  } catch (const InputError& e) {
+    return std::string("i") + e.what();
+  } catch (const ResourceError& e) {
+    return std::string("r") + e.what();
+  } catch (const std::bad_alloc&) {
+    return "r" + out_of_memory();
+  } catch (const std::filesystem::filesystem_error& e) {
+    return "r" + e.path1().string() + ": " + e.code().message() + ". Check that the directory exists, is writable and has room";
+  } catch (const std::exception& e) {
+    return std::string("e") + e.what();
+  }
+}
+
+void raise(const std::string& packed) {
+  const std::string text = packed.substr(1);
+  if (packed[0] == 'i') throw InputError(text);
+  if (packed[0] == 'r') throw ResourceError(text);
+  throw std::runtime_error(text);
+}
+
+std::string out_of_memory() {
+  rusage usage{};
+  getrusage(RUSAGE_SELF, &usage);
+  return "out of memory: this rank has used " + std::to_string(usage.ru_maxrss / 1024) +
+         " MB and gets no more. Use fewer cells, or more machines; -options_file options/amg.opts needs less than factorising";
+}
+
+bool Muster::all_come() const {
+  MPI_Request request = MPI_REQUEST_NULL;
+  if (MPI_Ibarrier(comm_, &request) != MPI_SUCCESS) return false;
+  // The lower ranks give up first, so that one of several speaks.
+  const double until = MPI_Wtime() + 2 + 0.2 * rank(comm_);
+  int all = 0;
+  while (all == 0 && MPI_Wtime() < until) {
+    MPI_Test(&request, &all, MPI_STATUS_IGNORE);
+    if (all == 0) usleep(1000);
+  }
+  return all != 0;
 }
 
 }  // namespace polyslip::mpi

@@ -58,4 +58,10 @@ std::string did_you_mean(std::string_view word, std::span<const std::string> kno
   return fmt::format("Known: {}{}", fmt::join(listed, ", "), known.size() > most_listed ? ", ..." : "");
 }
 
+std::string shown(const std::string& text, std::size_t most) {
+  std::string result = text.size() <= most ? text : text.substr(0, most) + "...";
+  std::ranges::replace_if(result, [](unsigned char c) { return std::iscntrl(c) != 0; }, '?');
+  return result;
+}
+
 }  // namespace polyslip

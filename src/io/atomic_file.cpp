@@ -6,8 +6,9 @@
 
 #include <cerrno>
 #include <fstream>
-#include <stdexcept>
 #include <system_error>
+
+#include "polyslip/common/error.hpp"
 
 namespace polyslip::io {
 
@@ -19,7 +20,7 @@ void write_atomically(const std::filesystem::path& file, const std::string& text
   out << text;
   out.close();
   if (!out) {
-    throw std::runtime_error(
+    throw ResourceError(
         fmt::format("{}: cannot write the file ({}). Check that the directory exists, is writable and has room", file.string(),
                     std::generic_category().message(errno)));
   }
@@ -32,7 +33,7 @@ void sync_to_disk(const std::filesystem::path& file_or_directory) {
   const int reason = errno;
   if (descriptor >= 0) ::close(descriptor);
   if (!done) {
-    throw std::runtime_error(fmt::format("{}: cannot be brought to the disk ({}). Check that the disk has room and is in order",
+    throw ResourceError(fmt::format("{}: cannot be brought to the disk ({}). Check that the disk has room and is in order",
                                          file_or_directory.string(), std::generic_category().message(reason)));
   }
 }

@@ -22,7 +22,7 @@ static_assert(sizeof(PetscInt) == sizeof(GlobalIndex), "PETSc must be built with
 
 constexpr std::size_t head_bytes = 512;
 const std::string title = "polyslip checkpoint ", version = "1";
-const std::string remedy = "Restart from another checkpoint, or run from the beginning without -restart";
+const std::string other_remedy = "Restart from another checkpoint, or run from the beginning without -restart";
 
 std::string table_path(const std::string& name) { return "/tables/" + name; }
 std::string text_path(const std::string& name) { return "/texts/" + name; }
@@ -40,6 +40,24 @@ std::string size_and_checksum(const std::string& head) {
   text.erase(0, text.find('\n') + 1);
   std::replace(text.begin(), text.end(), '\n', ' ');
   return text.substr(0, text.find_last_not_of(' ') + 1);
+}
+
+/// Offers the checkpoint before a file, where there is one.
+std::string remedy(const std::filesystem::path& file) {
+  const std::filesystem::path previous = previous_checkpoint(file);
+  std::error_code unreadable;
+  if (!std::filesystem::exists(previous, unreadable)) return other_remedy;
+  return fmt::format("Go on from the one before it: -restart {}", previous.string());
+}
+
+/// Gives the file, where it is there, a second name: the first one stays until a new file takes it.
+void keep_as_previous(const std::filesystem::path& file) {
+  if (!std::filesystem::exists(file)) return;
+  const std::filesystem::path previous = previous_checkpoint(file);
+  std::filesystem::remove(previous);
+  std::error_code has_no_links;
+  std::filesystem::create_hard_link(file, previous, has_no_links);
+  if (has_no_links) std::filesystem::copy_file(file, previous);
 }
 
 /// Size of a file, known on all ranks.
@@ -79,7 +97,7 @@ void seal(MPI_Comm comm, const std::filesystem::path& file) {
     std::fstream out(file, std::ios::in | std::ios::out | std::ios::binary);
     out << head(size, checksum);
     out.close();
-    if (!out) throw InputError("cannot write the checksum", file.string(), "Check that the disk has room");
+    if (!out) throw ResourceError(file.string() + ": cannot write the checksum. Check that the disk has room");
   });
 }
 
@@ -87,16 +105,16 @@ void check_seal(MPI_Comm comm, const std::filesystem::path& file) {
   std::string written(head_bytes, '\0');
   mpi::on_root(comm, [&] {
     std::ifstream in(file, std::ios::binary);
-    if (!in) throw InputError("there is no checkpoint that can be read", file.string(), remedy);
+    if (!in) throw InputError("there is no checkpoint that can be read", file.string(), remedy(file));
     in.read(written.data(), head_bytes);
     if (!written.starts_with(title)) {
-      throw InputError("this is not a checkpoint, or writing it was not finished", file.string(), remedy);
+      throw InputError("this is not a checkpoint, or writing it was not finished", file.string(), remedy(file));
     }
     if (!written.starts_with(title + version + "\n")) {
       throw InputError(fmt::format("the checkpoint is of another version than {}", version), file.string(),
                        "Restart with the program that wrote it, or run from the beginning without -restart");
     }
-    if (!in) throw InputError("the checkpoint is cut short: its head is not complete", file.string(), remedy);
+    if (!in) throw InputError("the checkpoint is cut short: its head is not complete", file.string(), remedy(file));
   });
   written = mpi::broadcast(comm, written);
   const std::uint64_t size = size_of(comm, file);
@@ -104,7 +122,7 @@ void check_seal(MPI_Comm comm, const std::filesystem::path& file) {
   if (found != written) {
     throw InputError(fmt::format("the checkpoint is damaged or cut short: '{}' were written, but it has '{}'",
                                  size_and_checksum(written), size_and_checksum(found)),
-                     file.string(), remedy);
+                     file.string(), remedy(file));
   }
 }
 
@@ -146,6 +164,10 @@ std::vector<GlobalIndex> places(MPI_Comm comm, std::span<const GlobalIndex> held
 
 }  // namespace
 
+std::filesystem::path previous_checkpoint(const std::filesystem::path& file) {
+  return file.parent_path() / (file.stem().string() + ".previous" + file.extension().string());
+}
+
 void write_checkpoint(MPI_Comm comm, const std::filesystem::path& file, const CheckpointValues& values,
                       std::span<const CheckpointTable> tables) {
   std::filesystem::path part = file;
@@ -154,6 +176,7 @@ void write_checkpoint(MPI_Comm comm, const std::filesystem::path& file, const Ch
   seal(comm, part);
   mpi::on_root(comm, [&] {
     sync_to_disk(part);
+    keep_as_previous(file);
     std::filesystem::rename(part, file);
     sync_to_disk(std::filesystem::absolute(file).parent_path());
   });
@@ -171,7 +194,7 @@ bool Checkpoint::has_text(const std::string& name) const { return file_->has("/t
 bool Checkpoint::has_table(const std::string& name) const { return file_->has("/tables") && file_->has(table_path(name)); }
 
 void Checkpoint::need(bool there, const std::string& what) const {
-  if (!there) throw InputError("the checkpoint has no " + what + ": it is of another kind of run", name_, remedy);
+  if (!there) throw InputError("the checkpoint has no " + what + ": it is of another kind of run", name_, other_remedy);
 }
 
 double Checkpoint::scalar(const std::string& name) const {
@@ -204,7 +227,7 @@ std::vector<double> Checkpoint::rows(const std::string& table, int columns, std:
     const auto missing = std::find(where.begin(), where.end(), -1) - where.begin();
     if (missing == static_cast<std::ptrdiff_t>(where.size())) return;
     throw InputError(fmt::format("the table '{}' of the checkpoint has no row {}: it is of another mesh", table, numbers[missing]),
-                     name_, remedy);
+                     name_, other_remedy);
   });
   fetch(graph(comm_, static_cast<PetscInt>(share.count), where), mpi::BlockType(MPI_DOUBLE, columns), values, result);
   return result;

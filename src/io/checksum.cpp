@@ -6,9 +6,9 @@
 #include <algorithm>
 #include <array>
 #include <fstream>
-#include <stdexcept>
 #include <vector>
 
+#include "polyslip/common/error.hpp"
 #include "polyslip/common/mpi.hpp"
 #include "polyslip/io/hdf5.hpp"
 
@@ -26,7 +26,7 @@ std::uint64_t checksum_of(const std::filesystem::path& file, std::uint64_t begin
   for (std::uint64_t left = bytes; left > 0;) {
     const std::uint64_t n = std::min(left, chunk);
     if (!in.read(buffer.data(), static_cast<std::streamsize>(n))) {
-      throw std::runtime_error(fmt::format("{}: the file cannot be read to its end ({} bytes)", file.string(), begin + bytes));
+      throw ResourceError(fmt::format("{}: the file cannot be read to its end ({} bytes)", file.string(), begin + bytes));
     }
     crc = crc32(crc, reinterpret_cast<const Bytef*>(buffer.data()), static_cast<uInt>(n));
     left -= n;

@@ -7,8 +7,8 @@
 #include <cassert>
 #include <cstdlib>
 #include <sstream>
-#include <stdexcept>
 
+#include "polyslip/common/error.hpp"
 #include "polyslip/io/atomic_file.hpp"
 
 namespace polyslip::io {
@@ -17,7 +17,7 @@ namespace {
 
 void flush_or_throw(std::ofstream& out, const std::string& file) {
   out.flush();
-  if (!out) throw std::runtime_error(file + ": cannot write the table. Check that the directory exists, is writable and has room");
+  if (!out) throw ResourceError(file + ": cannot write the table. Check that the directory exists, is writable and has room");
 }
 
 std::vector<std::string> cells_of(const std::string& line) {

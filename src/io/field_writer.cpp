@@ -254,21 +254,17 @@ class Series {
   }
 
   void write_text() const {
-    try {
-      mpi::on_root(comm_, [&] {
-        write_atomically(path(".xdmf"), fmt::format("<?xml version=\"1.0\"?>\n"
-                                                    "<Xdmf Version=\"3.0\">\n"
-                                                    "  <Domain>\n"
-                                                    "    <Grid Name=\"{}\" GridType=\"Collection\" CollectionType=\"Temporal\">\n"
-                                                    "{}"
-                                                    "    </Grid>\n"
-                                                    "  </Domain>\n"
-                                                    "</Xdmf>\n",
-                                                    name_, grids_));
-      });
-    } catch (const InputError& failure) {
-      throw std::runtime_error(failure.what());  // a full disk is no bad input
-    }
+    mpi::on_root(comm_, [&] {
+      write_atomically(path(".xdmf"), fmt::format("<?xml version=\"1.0\"?>\n"
+                                                  "<Xdmf Version=\"3.0\">\n"
+                                                  "  <Domain>\n"
+                                                  "    <Grid Name=\"{}\" GridType=\"Collection\" CollectionType=\"Temporal\">\n"
+                                                  "{}"
+                                                  "    </Grid>\n"
+                                                  "  </Domain>\n"
+                                                  "</Xdmf>\n",
+                                                  name_, grids_));
+    });
   }
 
   [[nodiscard]] std::filesystem::path path(const char* ending) const { return directory_ / (name_ + ending); }

@@ -5,8 +5,8 @@
 #include <algorithm>
 #include <array>
 #include <cassert>
-#include <stdexcept>
 
+#include "polyslip/common/error.hpp"
 #include "polyslip/common/mpi.hpp"
 
 namespace polyslip::io {
@@ -84,7 +84,7 @@ H5File::H5File(MPI_Comm comm, const std::filesystem::path& file, Mode mode, hsiz
 H5File::~H5File() { H5Eset_auto2(H5E_DEFAULT, print_errors_, print_data_); }
 
 void H5File::refuse(const std::string& what) const {
-  throw std::runtime_error(
+  throw ResourceError(
       fmt::format("{}: HDF5 cannot {} ({}). Check that the path exists, is accessible and has room", name_, what, reason()));
 }
 

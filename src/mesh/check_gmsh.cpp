@@ -1,9 +1,11 @@
-// Counts and references in Gmsh text files, token by token.
+// Counts and references in Gmsh files, text and binary, number by number: PETSc's reader trusts them.
 #include <fmt/format.h>
 
 #include <algorithm>
 #include <array>
 #include <charconv>
+#include <cstdint>
+#include <cstring>
 #include <fstream>
 #include <sstream>
 #include <string>
@@ -11,6 +13,7 @@
 #include <vector>
 
 #include "polyslip/common/error.hpp"
+#include "polyslip/common/suggest.hpp"
 #include "polyslip/mesh/formats.hpp"
 
 namespace polyslip::mesh {
@@ -23,7 +26,7 @@ int nodes_of_type(long type) {
   return type > 0 && type < static_cast<long>(nodes.size()) ? nodes[type] : 0;
 }
 
-/// The tokens of one file, section by section.
+/// The numbers of one file, section by section.
 class Tokens {
  public:
   explicit Tokens(const std::filesystem::path& file) : name_(file.string()) {
@@ -31,14 +34,43 @@ class Tokens {
     std::ostringstream all;
     all << in.rdbuf();
     text_ = std::move(all).str();
+    read_format();
   }
+
+  [[nodiscard]] bool is_binary() const { return binary_; }
+  [[nodiscard]] bool is_41() const { return is_41_; }
 
   /// Moves behind the title of a section; the sections are expected in this order.
   void enter(const std::string& section) {
     place_ = "section " + section;
+    kind_ = nullptr;
     const auto found = text_.find(section, at_);
     if (found == std::string::npos) fail("it is missing");
     at_ = found + section.size();
+    if (is_41_ && section != "$PhysicalNames") end_line();
+  }
+
+  /// Whether a section stands before another.
+  [[nodiscard]] bool has_before(const std::string& section, const std::string& other) const {
+    return text_.find(section, at_) < text_.find(other, at_);
+  }
+
+  /// The rest of a line of names, in quotes and short enough for PETSc's buffer.
+  void quoted() {
+    const auto end = std::min(text_.find('\n', at_), text_.size());
+    const std::string line = text_.substr(at_, end - at_);
+    const auto open = line.find_first_not_of(" \t"), close = line.find_last_not_of(" \t\r");
+    if (open == std::string::npos || line[open] != '"' || line[close] != '"' || close == open || close - open > 127)
+      fail(fmt::format("'{}' is not a name in quotes of at most 127 characters", shown(line, 40)));
+    at_ = end;
+  }
+
+  long spelt() {
+    const auto token = next();
+    long value = 0;
+    const auto [end, error] = std::from_chars(token.data(), token.data() + token.size(), value);
+    if (error != std::errc() || end != token.data() + token.size()) fail(fmt::format("'{}' is not an integer", shown(std::string(token), 40)));
+    return value;
   }
 
   std::string_view next() {
@@ -49,28 +81,27 @@ class Tokens {
     return std::string_view(text_).substr(begin, at_ - begin);
   }
 
-  long integer() {
-    const auto token = next();
-    long value = 0;
-    const auto [end, error] = std::from_chars(token.data(), token.data() + token.size(), value);
-    if (error != std::errc() || end != token.data() + token.size()) fail(fmt::format("'{}' is not an integer", token));
-    return value;
-  }
-
+  // In binary files: 32 bits; the bits of a number of a node or an element; and what counts entries.
+  long integer() { return binary_ ? raw<std::int32_t>() : spelt(); }
+  long index() { return binary_ && is_41_ ? raw<std::int64_t>() : integer(); }
   /// A number of entries to come, each of at least `tokens` tokens.
-  long count(long tokens = 1) {
-    const long value = integer();
-    const long room = static_cast<long>(text_.size() - at_) / (2 * tokens);
-    if (value < 0 || value > room) fail(fmt::format("it announces {} entries, which the rest of the file cannot hold", value));
+  long count(long tokens = 1) { return with_room(index(), tokens); }
+  /// The same on a line of its own, which is text in binary files too.
+  long count_line(long tokens) {
+    const long value = with_room(spelt(), tokens);
+    end_line();
     return value;
   }
 
-  void skip(long tokens) {
-    for (long i = 0; i < tokens; ++i) next();
+  void skip_reals(long count) {
+    if (!binary_) return skip(count);
+    if (static_cast<std::size_t>(count) > (text_.size() - at_) / sizeof(double)) fail("the file ends too early");
+    at_ += static_cast<std::size_t>(count) * sizeof(double);
   }
 
   void leave(const std::string& end) {
-    if (const auto token = next(); token != end) fail(fmt::format("'{}' stands where {} should: a count is wrong", token, end));
+    if (const auto token = next(); token != end)
+      fail(fmt::format("'{}' stands where {} should: a count is wrong", shown(std::string(token), 40), end));
   }
 
   /// Where we are, for messages.
@@ -85,10 +116,50 @@ class Tokens {
   }
 
  private:
+  void read_format() {
+    if (!text_.starts_with("$MeshFormat")) fail("the file does not begin with $MeshFormat");
+    next();
+    const std::string version(next());
+    if (version != "2.2" && version != "4.1") fail(fmt::format("the version is '{}'", shown(version, 40)));
+    is_41_ = version == "4.1";
+    const long kind = spelt(), bytes = spelt();
+    if ((kind != 0 && kind != 1) || bytes != 8) fail(fmt::format("file type {} with numbers of {} bytes is not known", kind, bytes));
+    binary_ = kind == 1;
+    if (!binary_) return;
+    end_line();
+    if (raw<std::int32_t>() != 1) fail("the numbers are in the byte order of another machine");
+  }
+
+  /// Before numbers in binary.
+  void end_line() {
+    if (binary_ && at_ < text_.size() && text_[at_] == '\r') ++at_;
+    if (binary_ && at_ < text_.size() && text_[at_] == '\n') ++at_;
+  }
+
+  template <class T>
+  long raw() {
+    if (text_.size() - at_ < sizeof(T)) fail("the file ends too early");
+    T value{};
+    std::memcpy(&value, &text_[at_], sizeof(T));
+    at_ += sizeof(T);
+    return static_cast<long>(value);
+  }
+
+  void skip(long tokens) {
+    for (long i = 0; i < tokens; ++i) next();
+  }
+
+  [[nodiscard]] long with_room(long value, long tokens) const {
+    const long room = static_cast<long>(text_.size() - at_) / (2 * tokens);
+    if (value < 0 || value > room) fail(fmt::format("it announces {} entries, which the rest of the file cannot hold", value));
+    return value;
+  }
+
   std::string name_, text_, place_ = "section $MeshFormat";
   std::size_t at_ = 0;
   const char* kind_ = nullptr;
   long number_ = 0;
+  bool binary_ = false, is_41_ = false;
 };
 
 /// Numbers in use, for looking up.
@@ -115,7 +186,7 @@ class NumberSet {
 /// One element whose type is known: its nodes must exist.
 void check_nodes(Tokens& tokens, long type, const NumberSet& nodes) {
   for (int i = 0; i < nodes_of_type(type); ++i) {
-    if (const long node = tokens.integer(); !nodes.holds(node)) tokens.fail(fmt::format("node {} does not exist", node));
+    if (const long node = tokens.index(); !nodes.holds(node)) tokens.fail(fmt::format("node {} does not exist", node));
   }
 }
 
@@ -125,25 +196,59 @@ void check_type(const Tokens& tokens, long type) {
   }
 }
 
+void check_tags(Tokens& tokens, long tags) {
+  for (long i = 0; i < tags; ++i) tokens.integer();
+}
+
+/// Elements in binary come in blocks of one type.
+void check_blocks_22(Tokens& tokens, long left, const NumberSet& nodes) {
+  while (left > 0) {
+    const long type = tokens.integer(), count = tokens.count(), tags = tokens.count();
+    check_type(tokens, type);
+    if (count < 1 || count > left) tokens.fail(fmt::format("a block has {} elements, of which {} are left", count, left));
+    for (long i = 0; i < count; ++i) {
+      tokens.at_entry("element", tokens.integer());
+      check_tags(tokens, tags);
+      check_nodes(tokens, type, nodes);
+    }
+    left -= count;
+  }
+}
+
+void check_elements_22(Tokens& tokens, long left, const NumberSet& nodes) {
+  for (; left > 0; --left) {
+    tokens.at_entry("element", tokens.integer());
+    const long type = tokens.integer(), tags = tokens.count();
+    check_type(tokens, type);
+    if (tags > 100) tokens.fail(fmt::format("{} tags are more than an element can have", tags));
+    check_tags(tokens, tags);
+    check_nodes(tokens, type, nodes);
+  }
+}
+
+void check_names(Tokens& tokens) {
+  if (!tokens.has_before("$PhysicalNames", "$Nodes")) return;
+  tokens.enter("$PhysicalNames");
+  for (long left = tokens.count_line(3); left > 0; --left) {
+    for (int number = 0; number < 2; ++number) tokens.spelt();  // dimension, group
+    tokens.quoted();
+  }
+  tokens.leave("$EndPhysicalNames");
+}
+
 void check_22(Tokens& tokens) {
   NumberSet nodes;
   tokens.enter("$Nodes");
-  for (long left = tokens.count(4); left > 0; --left) {
+  for (long left = tokens.count_line(4); left > 0; --left) {
     nodes.add(tokens.integer());
-    tokens.skip(3);
+    tokens.skip_reals(3);
   }
   nodes.finish(tokens);
   tokens.leave("$EndNodes");
 
   tokens.enter("$Elements");
-  for (long left = tokens.count(4); left > 0; --left) {
-    tokens.at_entry("element", tokens.integer());
-    const long type = tokens.integer(), groups = tokens.count();
-    check_type(tokens, type);
-    if (groups > 100) tokens.fail(fmt::format("{} tags are more than an element can have", groups));
-    for (long i = 0; i < groups; ++i) tokens.integer();
-    check_nodes(tokens, type, nodes);
-  }
+  const long elements = tokens.count_line(4);
+  tokens.is_binary() ? check_blocks_22(tokens, elements, nodes) : check_elements_22(tokens, elements, nodes);
   tokens.leave("$EndElements");
 }
 
@@ -156,7 +261,7 @@ Entities check_entities(Tokens& tokens) {
   for (int dim = 0; dim < 4; ++dim) {
     for (long left = counts[dim]; left > 0; --left) {
       entities[dim].add(tokens.integer());
-      tokens.skip(dim == 0 ? 3 : 6);
+      tokens.skip_reals(dim == 0 ? 3 : 6);
       for (int list = 0; list < (dim == 0 ? 1 : 2); ++list) {  // physical groups, and what bounds the entity
         for (long i = tokens.count(); i > 0; --i) tokens.integer();
       }
@@ -176,17 +281,17 @@ void check_block(Tokens& tokens, const Entities& entities, long dim, long entity
 NumberSet check_nodes_41(Tokens& tokens, const Entities& entities) {
   NumberSet nodes;
   tokens.enter("$Nodes");
-  const long blocks = tokens.count(4), total = tokens.count(), lowest = tokens.integer(), highest = tokens.integer();
+  const long blocks = tokens.count(4), total = tokens.count(), lowest = tokens.index(), highest = tokens.index();
   long found = 0;
   for (long block = 0; block < blocks; ++block) {
     const long dim = tokens.integer(), entity = tokens.integer(), parametric = tokens.integer(), count = tokens.count();
     check_block(tokens, entities, dim, entity);
     for (long i = 0; i < count; ++i) {
-      const long node = tokens.integer();
+      const long node = tokens.index();
       if (node < lowest || node > highest) tokens.fail(fmt::format("node {} is outside the range {} to {}", node, lowest, highest));
       nodes.add(node);
     }
-    tokens.skip(count * (3 + (parametric != 0 ? dim : 0)));
+    tokens.skip_reals(count * (3 + (parametric != 0 ? dim : 0)));
     found += count;
   }
   if (found != total) tokens.fail(fmt::format("{} nodes are announced and {} given", total, found));
@@ -200,14 +305,14 @@ void check_41(Tokens& tokens) {
   const NumberSet nodes = check_nodes_41(tokens, entities);
   tokens.enter("$Elements");
   const long blocks = tokens.count(4), total = tokens.count();
-  tokens.skip(2);
+  for (int bound = 0; bound < 2; ++bound) tokens.index();
   long found = 0;
   for (long block = 0; block < blocks; ++block) {
     const long dim = tokens.integer(), entity = tokens.integer(), type = tokens.integer(), count = tokens.count(2);
     check_block(tokens, entities, dim, entity);
     check_type(tokens, type);
     for (long i = 0; i < count; ++i) {
-      tokens.at_entry("element", tokens.integer());
+      tokens.at_entry("element", tokens.index());
       check_nodes(tokens, type, nodes);
     }
     found += count;
@@ -218,14 +323,10 @@ void check_41(Tokens& tokens) {
 
 }  // namespace
 
-void check_gmsh_text(const std::filesystem::path& file) {
-  std::ifstream in(file);
-  std::string title, version;
-  int binary = 1;
-  if (!(in >> title >> version >> binary) || title != "$MeshFormat" || binary != 0) return;
-  if (version != "2.2" && version != "4.1") return;
+void check_gmsh(const std::filesystem::path& file) {
   Tokens tokens(file);
-  version == "2.2" ? check_22(tokens) : check_41(tokens);
+  check_names(tokens);
+  tokens.is_41() ? check_41(tokens) : check_22(tokens);
 }
 
 }  // namespace polyslip::mesh

@@ -2,6 +2,7 @@
 
 #include <fmt/format.h>
 #include <fmt/ranges.h>
+#include <unistd.h>
 
 #include <algorithm>
 #include <cmath>
@@ -32,6 +33,21 @@ void check_shape(const BoxSpec& spec) {
     throw InputError(fmt::format("{:g} is not between 0 and 0.5", spec.shake), spec.where + ".shake",
                      "Nodes and seeds may move by less than half a spacing; 0.2 is usual");
   }
+}
+
+/// Refuses what no memory of this machine can hold, before it is tried.
+void check_count(const BoxSpec& spec) {
+  double cells = 1;
+  for (int axis = 0; axis < spec.dim; ++axis) {
+    const auto& grading = spec.grading[axis];
+    if (grading && !(grading->size > 0)) return;  // refused where its axis is made
+    cells *= grading ? std::max(1.0, (grading->to - grading->from) / grading->size) : std::max(1, spec.cells[axis]);
+  }
+  constexpr double least_bytes = 500;  // Of a cell, its faces and nodes.
+  const double memory = static_cast<double>(sysconf(_SC_PHYS_PAGES)) * static_cast<double>(sysconf(_SC_PAGESIZE));
+  if (cells * least_bytes < memory) return;
+  throw InputError(fmt::format("{:.3g} cells do not fit into the {:.3g} GB of this machine's memory", cells, memory / 1e9), spec.where + ".cells",
+                   "Give fewer cells, or a larger size where axes are graded");
 }
 
 /// Sizes that grow from `grading.size` by `grading.growth` a cell until they fill `length`, scaled to fill it exactly; none for no
@@ -167,8 +183,15 @@ PolyMesh make_shape(const BoxLattice& lattice, const BoxSpec& spec) {
 
 PolyMesh make_box(const BoxSpec& spec) {
   check_shape(spec);
+  check_count(spec);
   const BoxLattice lattice = make_lattice(spec);
-  PolyMesh mesh = make_shape(lattice, spec);
+  PolyMesh mesh;
+  try {
+    mesh = make_shape(lattice, spec);
+  } catch (const InputError& error) {  // of a cell that is too thin for numbers, or of the seeds
+    const std::string text = error.what(), unplaced = "mesh.box: ";
+    throw InputError(text.starts_with(unplaced) ? spec.where + ": " + text.substr(unplaced.size()) : text);
+  }
   mesh.region_names = {"rock"};
   mesh.cell_region.assign(mesh.n_cells(), 0);
   mesh.face_tag.clear();

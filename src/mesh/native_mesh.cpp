@@ -6,14 +6,15 @@
 //   /face_nodes/values     nodes of the faces: both ends (2D), all corners in cyclic order (3D)
 //   /cell_faces/offsets    cells + 1 integers
 //   /cell_faces/values     faces of the cells
-//   /face_cells            faces x 2 integers: the cells of each face, -1 behind a boundary face; on a fracture the + side comes
-//   first /cell_region           a number in /region_names for each cell;   /region_names  strings /face_tag              a number
-//   in /tag_names or -1 for each face; /tag_names    strings
+//   /face_cells            faces x 2 integers: the cells of each face, -1 behind a boundary face; on a fracture the + side first
+//   /cell_region           a number in /region_names for each cell;    /region_names  strings
+//   /face_tag              a number in /tag_names or -1 for each face; /tag_names     strings
 // and, where fractures are marked,
 //   /face_fracture         a number in /fracture_names or -1 for each face; /fracture_names  strings
 //   /fracture_length       doubles, one a fracture;                    /face_tip_distance  doubles, one a face; infinite without
 //   tips
 //
+// Strings may be of any kind; they are written with a fixed width, as HDF5 itself crashes on damaged ones of variable length.
 // Faces may be turned either way: reading turns them out of their first cell. Node copies follow from the rest and are not stored.
 #include <fmt/format.h>
 #include <hdf5.h>
@@ -83,9 +84,7 @@ class NativeFile {
 
   NativeFile(const std::filesystem::path& file, Mode mode)
       : name_(file.string()),
-        file_(mode == Mode::create ? H5Fcreate(name_.c_str(), H5F_ACC_TRUNC, H5P_DEFAULT, H5P_DEFAULT)
-                                   : H5Fopen(name_.c_str(), H5F_ACC_RDONLY, H5P_DEFAULT),
-              H5Fclose) {
+        file_(mode == Mode::create ? create(name_) : H5Fopen(name_.c_str(), H5F_ACC_RDONLY, H5P_DEFAULT), H5Fclose) {
     if (file_ >= 0) return;
     if (mode == Mode::create)
       throw InputError("the file cannot be written", name_, "Check that the folder exists and may be written to");
@@ -118,10 +117,12 @@ class NativeFile {
   }
 
   void write(const std::string& dataset, const std::vector<std::string>& texts) {
-    std::vector<const char*> pointers;
-    for (const auto& text : texts) pointers.push_back(text.c_str());
-    const Id type = text_type();
-    write_table(dataset, texts.size(), 1, type, pointers.data());
+    std::size_t width = 1;
+    for (const auto& text : texts) width = std::max(width, text.size());
+    std::string columns;
+    for (const auto& text : texts) columns += text + std::string(width - text.size(), '\0');
+    const Id type = text_type(width);
+    write_table(dataset, texts.size(), 1, type, columns.data());
   }
 
   template <class T>
@@ -135,17 +136,10 @@ class NativeFile {
 
   [[nodiscard]] std::vector<std::string> read_texts(const std::string& dataset) const {
     const Id table = open(dataset, H5T_STRING, "strings");
-    std::vector<char*> pointers(rows_of(table, dataset, 1), nullptr);
-    std::vector<std::string> texts;
-    if (pointers.empty()) return texts;
-    const Id type = text_type();
-    if (H5Dread(table, type, H5S_ALL, H5S_ALL, H5P_DEFAULT, pointers.data()) < 0) {
-      fail(dataset, "the strings cannot be read", "Store them as UTF-8 strings of variable length");
-    }
-    for (const char* text : pointers) texts.emplace_back(text == nullptr ? "" : text);
-    const Id space(H5Dget_space(table), H5Sclose);
-    H5Dvlen_reclaim(type, space, H5P_DEFAULT, pointers.data());
-    return texts;
+    const std::size_t count = rows_of(table, dataset, 1);
+    if (count == 0) return {};
+    const Id type(H5Dget_type(table), H5Tclose);
+    return H5Tis_variable_str(type) > 0 ? read_pointers(table, dataset, count) : read_columns(table, dataset, count, H5Tget_size(type));
   }
 
   /// Hands everything to the system; a destructor cannot report a full disk.
@@ -157,9 +151,42 @@ class NativeFile {
   }
 
  private:
-  static Id text_type() {
+  /// In the format of HDF5 1.8, which has checksums on all but the numbers: on damaged files of the older one HDF5 reads beyond its buffers.
+  static hid_t create(const std::string& name) {
+    const Id access(H5Pcreate(H5P_FILE_ACCESS), H5Pclose);
+    H5Pset_libver_bounds(access, H5F_LIBVER_V18, H5F_LIBVER_LATEST);
+    return H5Fcreate(name.c_str(), H5F_ACC_TRUNC, H5P_DEFAULT, access);
+  }
+
+  [[nodiscard]] std::vector<std::string> read_columns(hid_t table, const std::string& dataset, std::size_t count, std::size_t width) const {
+    constexpr std::size_t widest = 100'000;
+    if (width > widest) fail(dataset, fmt::format("a string of {} bytes is not a name", width));
+    std::string columns(count * width, '\0');
+    const Id type = text_type(width);
+    if (H5Dread(table, type, H5S_ALL, H5S_ALL, H5P_DEFAULT, columns.data()) < 0) unreadable(dataset);
+    std::vector<std::string> texts;
+    for (std::size_t i = 0; i < count; ++i) {
+      const std::string text = columns.substr(i * width, width);
+      texts.push_back(text.substr(0, text.find('\0')));
+    }
+    return texts;
+  }
+
+  [[nodiscard]] std::vector<std::string> read_pointers(hid_t table, const std::string& dataset, std::size_t count) const {
+    std::vector<char*> pointers(count, nullptr);
+    std::vector<std::string> texts;
+    const Id type = text_type(H5T_VARIABLE);
+    if (H5Dread(table, type, H5S_ALL, H5S_ALL, H5P_DEFAULT, pointers.data()) < 0) unreadable(dataset);
+    for (const char* text : pointers) texts.emplace_back(text == nullptr ? "" : text);
+    const Id space(H5Dget_space(table), H5Sclose);
+    H5Dvlen_reclaim(type, space, H5P_DEFAULT, pointers.data());
+    return texts;
+  }
+
+  static Id text_type(std::size_t width) {
     const hid_t type = H5Tcopy(H5T_C_S1);
-    H5Tset_size(type, H5T_VARIABLE);
+    H5Tset_size(type, width);
+    if (width != H5T_VARIABLE) H5Tset_strpad(type, H5T_STR_NULLPAD);
     H5Tset_cset(type, H5T_CSET_UTF8);
     return {type, H5Tclose};
   }
@@ -341,12 +368,13 @@ PolyMesh read_native(const std::filesystem::path& path) {
   const QuietHdf5 quiet;
   const NativeFile file(path, NativeFile::Mode::read);
   if (const int found = file.read_attribute("polyslip_mesh_version"); found != version) {
-    throw InputError(fmt::format("the format has version {}; this program reads version {}", found, version), path.string());
+    throw InputError(fmt::format("the format has version {}; this program reads version {}", found, version), path.string(),
+                     "Write it again with this program or with a script of this version");
   }
   PolyMesh mesh;
   mesh.dim = file.read_attribute("dim");
   if (mesh.dim != 2 && mesh.dim != 3)
-    throw InputError(fmt::format("attribute dim is {}; it must be 2 or 3", mesh.dim), path.string());
+    throw InputError(fmt::format("attribute dim is {}; it must be 2 or 3", mesh.dim), path.string(), "Repair the file or write it again");
   mesh.nodes = file.read<Vec3>("/nodes");
   mesh.face_nodes = read_rows(file, "/face_nodes");
   mesh.cell_faces = read_rows(file, "/cell_faces");

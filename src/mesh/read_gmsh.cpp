@@ -11,6 +11,7 @@
 #include <vector>
 
 #include "polyslip/common/error.hpp"
+#include "polyslip/common/suggest.hpp"
 #include "polyslip/la/handle.hpp"
 #include "polyslip/mesh/builder.hpp"
 #include "polyslip/mesh/formats.hpp"
@@ -61,7 +62,7 @@ la::Handle<DM> load(const std::string& file) {
   if (DMPlexCreateGmshFromFile(PETSC_COMM_SELF, file.c_str(), PETSC_TRUE, plex.put()) == 0) return plex;
   std::string reason = session.first_error();
   while (!reason.empty() && (reason.back() == '\n' || reason.back() == ' ')) reason.pop_back();
-  throw InputError(fmt::format("the file is damaged or not a Gmsh mesh that can be read{}{}", reason.empty() ? "" : ": ", reason),
+  throw InputError(fmt::format("the file is damaged or not a Gmsh mesh that can be read{}{}", reason.empty() ? "" : ": ", shown(reason)),
                    file, "Write it again with Gmsh as msh 4.1 or 2.2, complete, of first order and without partitions");
 }
 
@@ -187,7 +188,7 @@ std::vector<Vec3> checked_coordinates(const Plex& plex, const std::string& file)
     throw InputError("the elements are of second or higher order", file, "Set Mesh.ElementOrder = 1 in Gmsh");
   }
   for (std::size_t i = 0; i < nodes.size(); ++i) {
-    if (!nodes[i].allFinite()) throw InputError(fmt::format("the coordinates of vertex {} are not finite", i), file);
+    if (!nodes[i].allFinite()) throw InputError(fmt::format("node {} is at ({}, {}, {})", i, nodes[i].x(), nodes[i].y(), nodes[i].z()), file, "Repair its coordinates");
     if (plex.dim() == 2 && nodes[i].z() != 0) {
       throw InputError(
           fmt::format("a mesh of triangles or quadrilaterals must lie in the plane z = 0, but a node has z = {:g}", nodes[i].z()),
@@ -217,7 +218,7 @@ std::vector<Index> cell_regions(const Plex& plex, const GroupNames& names, MeshB
 
 PolyMesh read_gmsh(const std::filesystem::path& path) {
   const std::string file = path.string();
-  check_gmsh_text(path);
+  check_gmsh(path);
   const Plex plex(load(file));
   if (plex.dim() < 2 || plex.cells().end == plex.cells().begin) {
     throw InputError("the file has no cells (triangles, quadrilaterals, tetrahedra, hexahedra, prisms or pyramids)", file,

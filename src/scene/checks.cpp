@@ -198,6 +198,12 @@ void check_initial(const Cursor& root) {
 
 void check_steps(const Cursor& time) {
   const double step = time["step"].number();
+  // Below this, times that differ by a step are the same number.
+  const double least = 1e-14 * std::max(std::abs(time["start"].number()), std::abs(time["end"].number()));
+  for (const char* key : {"step", "smallest_step"})
+    if (time[key].number() <= least)
+      refuse(time[key], fmt::format("{} s does not advance a time of up to {} s", time[key].number(), 1e14 * least),
+             fmt::format("Give more than {:g}", least));
   if (time["smallest_step"].number() > step)
     refuse(time["smallest_step"], fmt::format("it is larger than the step, {} s", step), "Give at most time.step");
   if (time["largest_step"].number() < step)

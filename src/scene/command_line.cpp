@@ -21,8 +21,8 @@ alone or under mpirun -n N
   -restart_changed_scene   lets everything else of the scene differ too; the mesh must be the same
   -help, -version
 
-Exit codes: 0 finished; 2 bad input, nothing computed; 3 not converged after the last step cut (accepted steps are on disk); 4 internal error;
-143 stopped by SIGTERM or SIGINT after writing a checkpoint.
+Exit codes: 0 finished; 2 bad input, nothing computed; 3 not converged after the last step cut, or input that is bad at a later time; 4 no disk
+or memory left, or an internal error; 143 stopped by SIGTERM or SIGINT after writing a checkpoint. Accepted steps are on disk after all but 2.
 
 Numerics are PETSc options:
   Newton (no prefix)        -snes_rtol 1e-10, -snes_max_it 25 (before the next remedy), -snes_view, -snes_linesearch_type activeset,

@@ -14,7 +14,7 @@ namespace polyslip::scene {
 bool is_infinity(const std::string& text) { return text == "infinity" || text == ".inf"; }
 
 std::string where(const Value& value, const std::string& path) {
-  return path.empty() ? value.place : fmt::format("{} ({})", value.place, path);
+  return path.empty() ? value.place : fmt::format("{} ({})", value.place, shown(path));
 }
 
 namespace {
@@ -58,6 +58,7 @@ class Completer {
     has_mechanics_ = asks_for_mechanics(root);
     has_contact_ = has_mechanics_ && (root.find("contact") != nullptr || root.find("fractures") != nullptr);
     learn_dimension_from_box(root);
+    warns_ = root.find("exact") == nullptr;
     group(root, "", "");
   }
 
@@ -95,7 +96,7 @@ class Completer {
     for (std::size_t i = 0; i < value.keys.size(); ++i) {
       const bool known = std::ranges::any_of(keys, [&](const Key* key) { return last_name(key->path) == value.keys[i]; });
       if (!known)
-        refuse(value.items[i], join_path(path, value.keys[i]), fmt::format("unknown key \"{}\"", value.keys[i]),
+        refuse(value.items[i], join_path(path, value.keys[i]), fmt::format("unknown key \"{}\"", shown(value.keys[i])),
                propose_key(pattern, path, value.keys[i]));
     }
     Value ordered = Value::map(value.place);
@@ -176,7 +177,7 @@ class Completer {
 
   void check_new_name(const Value& value, const std::string& path, const std::string& name) const {
     if (!is_name(name))
-      refuse(value, path, fmt::format("\"{}\" cannot be a name", name), "Use letters, digits and \"_\", a letter first");
+      refuse(value, path, fmt::format("\"{}\" cannot be a name", shown(name)), "Use letters, digits and \"_\", a letter first");
     if (std::ranges::find(expression_names(), name) != expression_names().end())
       refuse(value, path, fmt::format("\"{}\" already means something in expressions", name), "Choose another name");
     if (document_.numbers.contains(name))
@@ -328,14 +329,18 @@ class Completer {
              "These have a meaning on fractures only: use position");
   }
 
-  static void check_range(double number, const Value& value, const std::string& path, const Key& key) {
+  void check_range(double number, const Value& value, const std::string& path, const Key& key) const {
     if (!key.range.holds(number))
       refuse(value, path, fmt::format("{} is out of range", number), fmt::format("It must be {}", key.range.text()));
+    if (warns_ && !key.usual.holds(number))
+      document_.warnings.push_back(fmt::format("{}: {:g} {} is unusual: check the unit, which is SI. Usual are {:g} to {:g}",
+                                               where(value, path), number, key.unit, key.usual.low, key.usual.high));
   }
 
   Document& document_;
   const std::filesystem::path& file_;
   bool has_flow_ = false, has_mechanics_ = true, has_contact_ = false;
+  bool warns_ = true;  ///< Not of scenes with an exact solution, which may be in units of their own.
 };
 
 }  // namespace

@@ -19,13 +19,23 @@ double violation(double energy, double before, double dissipated, double work) {
 }  // namespace
 
 Model::Model(const mesh::DistributedMesh& mesh, const Scene& scene) : mesh_(mesh) {
+  try {
+    set_up(scene);
+  } catch (const InputError& error) {
+    // Kernels know the cell; which mesh it is of is known here.
+    const std::string text = error.what();
+    throw text.starts_with("cell ") ? InputError(scene.mesh.place + ", " + text) : error;
+  }
+}
+
+void Model::set_up(const Scene& scene) {
   if (scene.has_mechanics && scene.flow) {
     set_up_coupled(scene);
   } else if (scene.has_mechanics) {
-    mechanics_ = std::make_unique<assembly::MechanicsSystem>(mesh, scene.mechanics);
+    mechanics_ = std::make_unique<assembly::MechanicsSystem>(mesh_, scene.mechanics);
     set_up_mechanics();
   } else {
-    flow_ = std::make_unique<assembly::FlowSystem>(mesh, *scene.flow);
+    flow_ = std::make_unique<assembly::FlowSystem>(mesh_, *scene.flow);
     set_up_flow(scene.time.start);
   }
 }

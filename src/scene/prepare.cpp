@@ -1,8 +1,12 @@
 #include "polyslip/scene/prepare.hpp"
 
+#include <unistd.h>
+
+#include <cerrno>
 #include <fstream>
 
 #include "polyslip/common/error.hpp"
+#include "polyslip/io/checkpoint.hpp"
 #include "polyslip/la/handle.hpp"
 #include "polyslip/mesh/readers.hpp"
 
@@ -14,8 +18,7 @@ void write_text(const std::filesystem::path& file, const std::string& text) {
   std::ofstream out(file);
   out << text;
   out.flush();
-  if (!out)
-    throw InputError("the file cannot be written", file.string(), "Check free space and permissions, or choose another -o DIR");
+  if (!out) throw ResourceError(file.string() + ": the file cannot be written. Check free space and permissions, or choose another -o DIR");
 }
 
 }  // namespace
@@ -24,6 +27,10 @@ Scene read_scene(MPI_Comm comm, const CommandLine& line) {
   std::string text;
   mpi::on_root(comm, [&] { text = read_scene_text(line.scene); });
   return parse_scene(mpi::broadcast(comm, text), line.scene, line.overrides);
+}
+
+void report_warnings(const Log& log, const Scene& scene) {
+  for (const std::string& warning : scene.warnings) log.line("warning: {}", warning);
 }
 
 mesh::PolyMesh build_serial_mesh(MPI_Comm comm, const Scene& scene, const std::filesystem::path& directory) {
@@ -38,13 +45,34 @@ mesh::PolyMesh build_serial_mesh(MPI_Comm comm, const Scene& scene, const std::f
   return mesh;
 }
 
-void make_directory(MPI_Comm comm, const std::filesystem::path& directory) {
+OutputFolder::OutputFolder(MPI_Comm comm, std::filesystem::path path) : comm_(comm), path_(std::move(path)) {
   mpi::on_root(comm, [&] {
     std::error_code error;
-    std::filesystem::create_directories(directory, error);
-    if (error || !std::filesystem::is_directory(directory))
-      throw InputError("the output directory cannot be made: " + error.message(), directory.string(), "Choose another with -o DIR");
+    was_there_ = std::filesystem::exists(path_, error);
+    std::filesystem::create_directories(path_, error);
+    if (error || !std::filesystem::is_directory(path_))
+      throw InputError("the output directory cannot be made: " + error.message(), path_.string(), "Choose another with -o DIR");
+    if (access(path_.c_str(), W_OK | X_OK) != 0)
+      throw InputError(fmt::format("the output directory cannot be written to: {}", std::generic_category().message(errno)),
+                       path_.string(), "Change its permissions, or choose another with -o DIR");
+    for (const auto& entry : std::filesystem::directory_iterator(path_)) before_.insert(entry.path());
   });
+}
+
+void OutputFolder::begin_run(bool goes_on) const {
+  mpi::on_root(comm_, [&] {
+    std::filesystem::remove(path_ / "summary.json");
+    const std::filesystem::path checkpoint = path_ / "checkpoint.h5";
+    if (!goes_on && std::filesystem::exists(checkpoint)) std::filesystem::rename(checkpoint, io::previous_checkpoint(checkpoint));
+  });
+}
+
+void OutputFolder::restore() const {
+  if (mpi::rank(comm_) != 0) return;
+  std::error_code error;  // what cannot be removed stays
+  for (const auto& entry : std::filesystem::directory_iterator(path_, error))
+    if (!before_.contains(entry.path())) std::filesystem::remove(entry.path(), error);
+  if (!was_there_) std::filesystem::remove(path_, error);
 }
 
 void write_resolved(MPI_Comm comm, const Scene& scene, const std::filesystem::path& directory) {

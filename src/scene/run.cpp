@@ -2,6 +2,7 @@
 
 #include <csignal>
 
+#include "polyslip/common/error.hpp"
 #include "polyslip/la/log_stage.hpp"
 #include "polyslip/scene/fields.hpp"
 #include "polyslip/scene/lines.hpp"
@@ -18,9 +19,10 @@ volatile std::sig_atomic_t stop_signal = 0;
 /// One run from mesh to summary, and what it keeps between its steps.
 class Run {
  public:
-  Run(MPI_Comm comm, const Scene& scene, const CommandLine& line, const std::filesystem::path& directory)
-      : comm_(comm), scene_(scene), line_(line), directory_(directory), log_(comm) {}
+  Run(MPI_Comm comm, const Scene& scene, const CommandLine& line, const OutputFolder& folder)
+      : comm_(comm), scene_(scene), line_(line), folder_(folder), directory_(folder.path()), log_(comm) {}
   ExitCode execute();
+  [[nodiscard]] bool has_results() const { return stepper_ && stepper_->state().accepted > begin_accepted_; }
 
  private:
   void read_and_partition();
@@ -29,6 +31,8 @@ class Run {
   void open_outputs();
   solver::StepperResult start();
   solver::StepperResult step();
+  solver::StepperResult step_or_explain();
+  void explain_failure(const std::string& why);
   void on_newton(const solver::NewtonRecord& record);
   void on_solved(const solver::StepRecord& record);
   void on_accepted(const solver::StepRecord& record);
@@ -41,11 +45,13 @@ class Run {
   MPI_Comm comm_;
   const Scene& scene_;
   const CommandLine& line_;
+  const OutputFolder& folder_;
   std::filesystem::path directory_;
   Log log_;
   io::Summary summary_;
   double begin_ = MPI_Wtime(), begin_steps_ = 0;  ///< Clock.
   double begin_time_ = 0;                         ///< Time of the scene at begin_steps_ [s].
+  int begin_accepted_ = 0;                        ///< Steps accepted before this run.
   std::optional<mesh::DistributedMesh> mesh_;
   std::optional<Model> model_;
   std::optional<solver::TimeStepper> stepper_;
@@ -91,6 +97,8 @@ void Run::open_outputs() {
   const la::LogStage stage("write", summary_.seconds.write);
   const solver::StepperState& state = stepper_->state();
   const bool goes_on = line_.restart;
+  begin_accepted_ = state.accepted;
+  folder_.begin_run(goes_on);
   writer_.emplace(*mesh_, directory_, goes_on ? std::optional(state.time) : std::nullopt);
   tables_.emplace(*mesh_, scene_, directory_, goes_on ? std::optional<double>(state.accepted) : std::nullopt);
   lines_.emplace(*mesh_, scene_, directory_, goes_on ? std::optional(state.time) : std::nullopt);
@@ -163,6 +171,35 @@ solver::StepperResult Run::step() {
   return started.end == solver::StepperResult::End::finished ? stepper_->run() : started;
 }
 
+/// Input that only a later time shows to be bad (an expression that is not finite there) ends the run like a step that does not converge.
+solver::StepperResult Run::step_or_explain() {
+  try {
+    return step();
+  } catch (const InputError& error) {
+    if (!has_results()) throw;
+    return {solver::StepperResult::End::diverged, std::string(error.what()) + "; then go on with -restart_changed_scene"};
+  } catch (const ResourceError& error) {
+    explain_failure(error.what());
+    throw;
+  }
+}
+
+/// As much of a summary as the machine still lets us write.
+void Run::explain_failure(const std::string& why) {
+  const solver::StepperState& state = stepper_->state();
+  log_.line("stopped after step {} at t = {:g}; {}", state.accepted, state.time,
+            last_checkpoint_ < 0 ? std::string("no checkpoint has been written (output.checkpoint_every)")
+                                 : fmt::format("-restart goes on from step {}", last_checkpoint_));
+  if (mpi::rank(comm_) != 0) return;
+  summary_.status = "stopped";
+  summary_.message = why;
+  summary_.steps = {state.accepted, state.rejected};
+  try {
+    io::write_summary(summary_, directory_ / "summary.json");
+  } catch (const std::exception&) {  // what goes wrong has been said
+  }
+}
+
 /// The equilibrium that a scene may ask for, at the beginning of the first run.
 solver::StepperResult Run::start() {
   if (line_.restart) return {};
@@ -175,7 +212,11 @@ void Run::finish(const solver::StepperResult& result) {
   const solver::StepperState& state = stepper_->state();
   if (state.accepted > 0) {
     write_fields(state.time);
-    report_errors(log_, summary_, scene_, *model_, state.time);
+    try {
+      report_errors(log_, summary_, scene_, *model_, state.time);
+    } catch (const InputError& error) {  // the results are there all the same
+      log_.line("warning: no errors are given: {}", error.what());
+    }
   }
   if (state.accepted > 0 || result.end == solver::StepperResult::End::stopped) write_checkpoint();
   add_counters(summary_, *model_, result, state);
@@ -188,9 +229,10 @@ ExitCode Run::execute() {
   read_and_partition();
   assemble();
   report_start(log_, summary_, scene_, *model_);
+  report_warnings(log_, scene_);
   resume();
   open_outputs();
-  const solver::StepperResult result = step();
+  const solver::StepperResult result = step_or_explain();
   finish(result);
   report_unused_options(log_, given_options_);
   using End = solver::StepperResult::End;
@@ -203,13 +245,21 @@ ExitCode run_scene(MPI_Comm comm, const CommandLine& line) {
   const Scene scene = read_scene(comm, line);
   if (line.validate) {
     build_serial_mesh(comm, scene, {});
+    report_warnings(Log(comm), scene);
     Log(comm).line("{}: the scene and its mesh are valid", line.scene.string());
     return exit_finished;
   }
   const std::filesystem::path directory = line.output.empty() ? std::filesystem::path(scene.name + ".out") : line.output;
-  make_directory(comm, directory);
+  const OutputFolder folder(comm, directory);
   for (int signal : {SIGTERM, SIGINT}) std::signal(signal, [](int) { stop_signal = 1; });
-  return Run(comm, scene, line, directory).execute();
+  std::signal(SIGXFSZ, SIG_IGN);  // a limit on the size of files then is an error like a full disk
+  Run run(comm, scene, line, folder);
+  try {
+    return run.execute();
+  } catch (const InputError&) {
+    if (!run.has_results()) folder.restore();
+    throw;
+  }
 }
 
 }  // namespace polyslip::scene

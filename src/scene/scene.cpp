@@ -245,6 +245,7 @@ Scene read_scene(const Document& document, const std::filesystem::path& file) {
   scene.output = read_output(root["output"]);
   scene.exact = read_exact(root["exact"]);
   scene.exact_flow = read_exact_flow(root["exact"]);
+  scene.warnings = document.warnings;
   scene.resolved = emit_yaml(document.root);
   return scene;
 }

@@ -9,6 +9,7 @@
 #include <unordered_map>
 
 #include "polyslip/common/error.hpp"
+#include "polyslip/common/suggest.hpp"
 
 namespace polyslip::scene {
 
@@ -86,7 +87,7 @@ class Copier {
       if (!key.IsScalar()) throw InputError("a key is not a name", here, "Write KEY: VALUE");
       const auto [first, is_new] = seen.emplace(key.Scalar(), here);
       if (!is_new)
-        throw InputError(fmt::format("the key \"{}\" is given twice, first at {}", key.Scalar(), first->second), here,
+        throw InputError(fmt::format("the key \"{}\" is given twice, first at {}", shown(key.Scalar()), first->second), here,
                          "Remove one");
       map.insert(key.Scalar(), copy(value, here, depth + 1));
     }
@@ -184,7 +185,7 @@ std::string describe(const Value& value) {
     case Value::Kind::null:
       return "nothing";
     case Value::Kind::scalar:
-      return fmt::format("\"{}\"", value.text.substr(0, 80));
+      return fmt::format("\"{}\"", shown(value.text, 80));
     case Value::Kind::list:
       return fmt::format("a list of length {}", value.items.size());
     case Value::Kind::map:

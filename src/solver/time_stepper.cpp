@@ -84,7 +84,7 @@ StepperResult TimeStepper::give_up(double to, const StepOutcome& outcome) const 
 
 StepperResult TimeStepper::run() {
   while (state_.time < span_.end) {
-    if (stop_requested()) return {StepperResult::End::stopped, fmt::format("stopped on request at t = {:g}", state_.time)};
+    if (stop_requested()) return {StepperResult::End::stopped, fmt::format("stopped on request at t = {:g}; -restart goes on", state_.time)};
     const Target next = target();
     const double size = next.to - state_.time;
     const StepOutcome outcome = problem_.attempt(state_.time, next.to, next.mark);

@@ -3,7 +3,6 @@
 import json
 import os
 import random
-import shlex
 import signal
 import subprocess
 import tempfile
@@ -11,58 +10,13 @@ import time
 import unittest
 from pathlib import Path
 
-from hdf5_tables import Tables
+from process_runs import fields, run, start, state, steps_done
 
-SCENES = Path(__file__).parent / "restart"
 MECHANICS = ("displacement", "bubble", "multiplier", "previous_jump", "initial_jump")
 FLOW = ("pressure_cell", "pressure_trace", "pressure_fracture", "pressure_ridge")
 BEFORE = tuple("before_" + name for name in (*MECHANICS[:3], "normal_bubble", *FLOW))
 # scene, tables of its checkpoint, where a first run may end
 CASES = (("load_history.yaml", MECHANICS, 0.4), ("injection.yaml", FLOW, 1.234), ("wet_crack.yaml", (*MECHANICS, "normal_bubble", *FLOW, *BEFORE), 800))
-
-
-def command(scene, directory, ranks, words):
-    launcher = [*shlex.split(os.environ["POLYSLIP_MPIRUN"]), "-n", str(ranks)] if ranks > 1 else []
-    return [*launcher, os.environ["POLYSLIP"], str(SCENES / scene), "-o", str(directory), *words]
-
-
-def start(scene, directory, *words, ranks=1):
-    environment = dict(os.environ, OPENBLAS_NUM_THREADS="1")
-    return subprocess.Popen(command(scene, directory, ranks, words), env=environment, text=True, stdin=subprocess.DEVNULL,
-                            stdout=subprocess.PIPE, stderr=subprocess.STDOUT)
-
-
-def run(scene, directory, *words, ranks=1, expect=0):
-    process = start(scene, directory, *words, ranks=ranks)
-    log, _ = process.communicate()
-    if process.returncode != expect:
-        raise AssertionError(f"{' '.join(process.args)} ended with {process.returncode}:\n{log}")
-    return log
-
-
-def state(directory, tables):
-    """All tables of the checkpoint, row by row of the serial mesh."""
-    rows = {}
-    with Tables(directory / "checkpoint.h5") as file:
-        for table in tables:
-            numbers, values = file[f"/tables/{table}/numbers"], file[f"/tables/{table}/values"]
-            columns = len(values) // len(numbers)
-            rows[table] = [values[columns * i + c] for i in sorted(range(len(numbers)), key=numbers.__getitem__) for c in range(columns)]
-    return rows
-
-
-def fields(directory, name, series="matrix"):
-    """A field at all times that have been written."""
-    with Tables(directory / f"{series}.h5") as file:
-        values = []
-        while file.has(f"/fields/{len(values)}"):
-            values.append(file[f"/fields/{len(values)}/{name}"])
-        return values
-
-
-def steps_done(directory):
-    history = directory / "history.csv"
-    return max(0, len(history.read_text().splitlines()) - 1) if history.exists() else 0
 
 
 class Restart(unittest.TestCase):
@@ -152,8 +106,9 @@ class Restart(unittest.TestCase):
         while process.poll() is None and steps_done(self.parts) < 3:
             time.sleep(0.001)
         process.send_signal(signal.SIGTERM)
-        process.communicate()
+        log, _ = process.communicate()
         self.assertEqual(process.returncode, 143)
+        self.assertIn("-restart goes on", log)
         self.assertEqual(json.loads((self.parts / "summary.json").read_text())["status"], "stopped")
         run("injection.yaml", self.parts, "-restart", "-set", "output.checkpoint_every=0")
         self.assert_same_to_the_bit(FLOW)

@@ -15,6 +15,8 @@ for name, arguments in {
     "H5Sget_simple_extent_npoints": (identifier,),
     "H5Dread": (identifier, identifier, identifier, identifier, identifier, ctypes.c_void_p),
     "H5Lexists": (identifier, ctypes.c_char_p, identifier),
+    "H5Dget_offset": (identifier,),
+    "H5Dget_storage_size": (identifier,),
 }.items():
     function = getattr(library, name)
     function.argtypes, function.restype = arguments, identifier
@@ -40,6 +42,13 @@ class Tables:
     def has(self, table):
         """Whether the last part of a path exists; the others must."""
         return library.H5Lexists(self.file, table.encode(), 0) > 0
+
+    def bytes_of(self, table):
+        """(first, number) of the bytes of the file that hold the numbers of a table."""
+        data = library.H5Dopen2(self.file, table.encode(), 0)
+        place = library.H5Dget_offset(data), library.H5Dget_storage_size(data)
+        library.H5Dclose(data)
+        return place
 
     def __getitem__(self, table):
         """All numbers of a table, row by row."""

@@ -32,6 +32,7 @@ class FlowLoadAssembler {
   [[nodiscard]] long long fixed_total() const { return fixed_total_; }  ///< Over all ranks.
 
  private:
+  [[nodiscard]] FlowLoads evaluate(double time) const;
   void assign_boundary_rules();
   void mark_fixed();
   void locate_wells();

@@ -33,6 +33,7 @@ class LoadAssembler {
   [[nodiscard]] bool depends_on_time() const;
 
  private:
+  void evaluate(double time, Loads& loads) const;
   void mark_fixed();
   void mark_fixed_normals();
   void add_to_unknown(const spaces::VemCell& vem, int j, const Vec3& force, Loads& loads) const;

@@ -16,4 +16,11 @@ class InputError : public std::runtime_error {
       : std::runtime_error(where + ": " + what + (remedy.empty() ? "" : ". " + remedy)) {}
 };
 
+/// The machine gives out under a run that may be in order: a full disk, no memory. The sentence has place and remedy; main prints it and
+/// exits with code 4. What has been accepted stays on disk.
+class ResourceError : public std::runtime_error {
+ public:
+  using std::runtime_error::runtime_error;
+};
+
 }  // namespace polyslip

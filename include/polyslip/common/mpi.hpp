@@ -36,15 +36,40 @@ std::string broadcast(MPI_Comm comm, const std::string& text, int root = 0);
 /// One value of each rank, known on all ranks.
 std::vector<double> all_gather(MPI_Comm comm, double value);
 
-/// Runs `body` on rank `root` only; if it throws an InputError there, every rank throws the same InputError.
-/// Ranks therefore never wait for one that has failed.
+/// Runs `body` on rank `root` only; if it throws there, every rank throws the same: InputError, ResourceError (also for lack of memory and
+/// failures of the file system) or std::runtime_error. Ranks therefore never wait for one that has failed.
 template <class Body>
 void on_root(MPI_Comm comm, Body&& body, int root = 0);
 
-/// Runs `body` on all ranks; if it throws on some, every rank throws an InputError with the sentence of the lowest of them. `body`
-/// must not communicate, but for one collective call at its end.
+/// Runs `body` on all ranks; if it throws on some, every rank throws what the lowest of them has thrown. `body` must not communicate, but
+/// for one collective call at its end.
 template <class Body>
 void together(MPI_Comm comm, Body&& body);
+
+/// What `make` returns, or its exception on all ranks alike.
+template <class Make>
+auto made_together(MPI_Comm comm, Make&& make);
+
+/// The exception that is being handled, as a text for other ranks; raise() throws it there.
+std::string packed_exception();
+[[noreturn]] void raise(const std::string& packed);
+
+/// The sentence for lack of memory.
+std::string out_of_memory();
+
+/// Where ranks that have failed find out whether all have: on a communicator of its own, so that nothing else can be mistaken for it.
+class Muster {
+ public:
+  explicit Muster(MPI_Comm comm) { MPI_Comm_dup(comm, &comm_); }
+  ~Muster() { MPI_Comm_free(&comm_); }
+  Muster(const Muster&) = delete;
+  Muster& operator=(const Muster&) = delete;
+  /// Waits for the others, for a few seconds; false when some have not come: they are likely to wait for this rank elsewhere.
+  [[nodiscard]] bool all_come() const;
+
+ private:
+  MPI_Comm comm_ = MPI_COMM_NULL;
+};
 
 /// `block` values of one kind as one MPI unit, for as long as this lives.
 class BlockType {

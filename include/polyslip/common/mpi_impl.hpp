@@ -12,12 +12,12 @@ void on_root(MPI_Comm comm, Body&& body, int root) {
   if (rank(comm) == root) {
     try {
       body();
-    } catch (const std::exception& e) {
-      failure = *e.what() ? e.what() : "unknown failure";
+    } catch (const std::exception&) {
+      failure = packed_exception();
     }
   }
   failure = broadcast(comm, failure, root);
-  if (!failure.empty()) throw InputError(failure);
+  if (!failure.empty()) raise(failure);
 }
 
 template <class Body>
@@ -25,11 +25,18 @@ void together(MPI_Comm comm, Body&& body) {
   std::string failure;
   try {
     body();
-  } catch (const std::exception& e) {
-    failure = *e.what() ? e.what() : "unknown failure";
+  } catch (const std::exception&) {
+    failure = packed_exception();
   }
   const auto first = static_cast<int>(min(comm, failure.empty() ? size(comm) : rank(comm)));
-  if (first < size(comm)) throw InputError(broadcast(comm, failure, first));
+  if (first < size(comm)) raise(broadcast(comm, failure, first));
+}
+
+template <class Make>
+auto made_together(MPI_Comm comm, Make&& make) {
+  decltype(make()) result;
+  together(comm, [&] { result = make(); });
+  return result;
 }
 
 }  // namespace polyslip::mpi

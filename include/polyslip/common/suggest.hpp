@@ -1,4 +1,4 @@
-// The nearest known word for a misspelt one, for messages.
+// What messages say of words: how they are shown, and the nearest known one for a misspelt one.
 #pragma once
 
 #include <span>
@@ -15,5 +15,8 @@ std::string nearest_word(std::string_view word, std::span<const std::string> kno
 
 /// 'Did you mean "young"?', or 'Known: a, b, c' (at most twelve words) when nothing is near; for the remedy of an InputError.
 std::string did_you_mean(std::string_view word, std::span<const std::string> known);
+
+/// At most so many characters of a text that was met, in one line whatever is in it.
+std::string shown(const std::string& text, std::size_t most = 200);
 
 }  // namespace polyslip

@@ -38,8 +38,12 @@ struct CheckpointValues {
   std::map<std::string, std::string> texts;  ///< The resolved scene, the version.
 };
 
-/// Replaces `file`. It is written beside its place (FILE.part), brought to the disk and renamed: whenever the run is killed, either
-/// the old or the new one is whole. Collective; throws InputError on all ranks alike when the disk refuses.
+/// Where the checkpoint before `file` is kept: "checkpoint.previous.h5" beside "checkpoint.h5".
+std::filesystem::path previous_checkpoint(const std::filesystem::path& file);
+
+/// Replaces `file`, which becomes the previous checkpoint. It is written beside its place (FILE.part), brought to the disk and renamed:
+/// whenever the run is killed, either the old or the new one is whole. Collective; throws ResourceError on all ranks alike when the disk
+/// refuses.
 void write_checkpoint(MPI_Comm comm, const std::filesystem::path& file, const CheckpointValues& values,
                       std::span<const CheckpointTable> tables);
 

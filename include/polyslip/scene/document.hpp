@@ -24,6 +24,7 @@ struct Document {
   std::map<std::string, double> numbers;  ///< Values of the study numbers.
   int dim = 0;                            ///< 0 when no vector tells.
   std::string dim_place;                  ///< Which one tells.
+  std::vector<std::string> warnings;      ///< Values that are possible and unusual, each in a sentence with its place.
 };
 
 /// Keys of a material, any of which asks for mechanics; and those that ask for flow.

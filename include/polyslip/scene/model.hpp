@@ -74,6 +74,7 @@ class Model {
   void resume(double time, const Memory& memory);
 
  private:
+  void set_up(const Scene& scene);
   void set_up_mechanics();
   void set_up_flow(double start);
   void set_up_coupled(const Scene& scene);

@@ -71,7 +71,8 @@ struct Scene {
   Output output;
   std::optional<physics::ExactSolution> exact;
   std::optional<physics::ExactFlow> exact_flow;
-  std::string resolved;  ///< See resolved_yaml.
+  std::vector<std::string> warnings;  ///< Of what is possible and unusual.
+  std::string resolved;               ///< See resolved_yaml.
 };
 
 /// Reads, completes and checks a scene; `overrides` are "KEY=VALUE" as given to -set, applied in order before any check.

@@ -60,6 +60,7 @@ struct Key {
   Range range = {};  ///< Of diagonal entries, for a tensor.
   std::vector<std::string> choices = {};
   Uses uses = Uses::time;
+  Range usual = {};  ///< Of rock; a value outside of it is taken, with a warning.
   bool may_be_infinite = false;  ///< "infinity" or ".inf" in place of an expression.
 };
 

@@ -39,5 +39,11 @@ TEST(suggestions, are_bounded_for_junk) {
   EXPECT_LT(did_you_mean(std::string(100000, 'b'), many).size(), 15000U);
 }
 
+TEST(shown, is_one_line_of_limited_length) {
+  EXPECT_EQ(shown("a b"), "a b");
+  EXPECT_EQ(shown(std::string("a\nb\0c", 5)), "a?b?c");
+  EXPECT_EQ(shown("abcdef", 3), "abc...");
+}
+
 }  // namespace
 }  // namespace polyslip

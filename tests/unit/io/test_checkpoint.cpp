@@ -211,6 +211,16 @@ TEST(checkpoint, an_interrupted_write_leaves_the_old_one_whole) {
   write(world, file, 2.0);
   expect_content(world, file, 2.0);
   EXPECT_FALSE(std::filesystem::exists(part));
+  expect_content(world, previous_checkpoint(file), 1.0);
+}
+
+TEST(checkpoint, a_damaged_one_offers_the_one_before_it) {
+  const test::TemporaryDirectory directory;
+  const auto file = directory.path() / "checkpoint.h5";
+  write(world, file, 1.0);
+  write(world, file, 2.0);
+  on_first_rank([&] { std::filesystem::resize_file(file, 600); });
+  EXPECT_SAYS(refusal(file), "-restart " + previous_checkpoint(file).string());
 }
 
 TEST(checkpoint, a_disk_that_refuses_leaves_the_old_one_whole_and_tells_all_ranks) {
@@ -218,7 +228,7 @@ TEST(checkpoint, a_disk_that_refuses_leaves_the_old_one_whole_and_tells_all_rank
   const auto file = directory.path() / "checkpoint.h5";
   write(world, file, 1.0);
   on_first_rank([&] { std::filesystem::create_directory(directory.path() / "checkpoint.h5.part"); });
-  EXPECT_THROW(write(world, file, 2.0), InputError);
+  EXPECT_THROW(write(world, file, 2.0), ResourceError);
   expect_content(world, file, 1.0);
 }
 
@@ -262,7 +272,7 @@ TEST(checksum, is_that_of_crc32_on_any_number_of_ranks) {
   on_first_rank([&] { std::ofstream(directory.path() / "t") << "head123456789"; });
   EXPECT_EQ(file_checksum(world, directory.path() / "t", 4, 13), 0xcbf43926u);  // the check value of this CRC
   EXPECT_EQ(file_checksum(world, directory.path() / "t", 13, 13), 0u);
-  EXPECT_THROW(file_checksum(world, directory.path() / "t", 4, 14), InputError);
+  EXPECT_THROW(file_checksum(world, directory.path() / "t", 4, 14), ResourceError);
 }
 
 }  // namespace

@@ -228,7 +228,7 @@ TEST(boxes, bad_boxes_are_refused_with_key_and_remedy) {
                    s.shape = "hexahedra", s.grading[2] = AxisGrading{-0.5, 0.5, 0.1, 1.0};
                  }),
                  "growth 1 is not");
-  expect_refusal(changed([](BoxSpec& s) { s.cells = {4000, 4000, 4000}; }), "Choose fewer cells");
+  expect_refusal(changed([](BoxSpec& s) { s.cells = {4000, 4000, 4000}; }), "mesh.box.cells: 6.4e+10 cells");
 }
 
 /// Two unit cubes side by side, every face listed backwards or forwards as the bits of `turns` say.

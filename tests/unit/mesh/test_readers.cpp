@@ -286,7 +286,7 @@ TEST_F(Readers, gmsh_files_that_make_no_mesh_are_refused) {
   expect_contains(refusal(text_file("empty.msh", "")), {"empty.msh"});
   expect_contains(refusal(text_file("words.msh", "this is\nnot a mesh\n")), {"words.msh", "$MeshFormat"});
   expect_contains(refusal(text_file("up.msh", replaced(square_22, "2 0 0\n", "2 0 0.5\n"))), {"up.msh", "z = 0.5"});
-  expect_contains(refusal(text_file("nan.msh", replaced(square_22, "2 0 0\n", "nan 0 0\n"))), {"nan.msh"});
+  expect_contains(refusal(text_file("nan.msh", replaced(square_22, "2 0 0\n", "nan 0 0\n"))), {"nan.msh: node 4 is at (nan, 0, 0)"});
   expect_contains(refusal(text_file("flat.msh", replaced(square_22, "4 0 1 0\n", "4 0.5 0.5 0\n"))), {"flat.msh", "volume"});
   expect_contains(refusal(text_file("mesh.vtk", "x")), {"mesh.vtk", ".msh"});
 }

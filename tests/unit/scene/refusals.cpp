@@ -104,6 +104,7 @@ TEST(refusals, of_expressions_name_key_and_column) {
                             {"P: x", "n: x", ":13 (define.n)", "\"n\" is already a study number"},
                             {"P: x", "sin: x", ":13 (define.sin)", "already means something"},
                             {"1e9", "1e9 + t", ":4 (materials[0].young)", "depends on time"},
+                            {"friction: 0.5", "friction: 0.5*t", ":9 (contact.friction)", "depends on time"},
                             {"1e9", "tip_distance", ":4 (materials[0].young)", "These have a meaning on fractures only"},
                             {"end: 1", "end: P", ":10 (time.end)", "unknown name \"P\""}});
 }
@@ -190,7 +191,10 @@ TEST(refusals, of_boundary_rules_name_the_conflict) {
 }
 
 TEST(refusals, of_times_and_probes_name_them) {
-  expect_refusals(cracked, {{"end: 1", "end: 0", ":10 (time.end)", "the run ends at 0 s where it starts at 0 s"},
+  expect_refusals(cracked, {{"end: 1", "end: 1, step: 1e-15", ":10 (time.step)", "does not advance a time of up to 1 s"},
+                            {"end: 1", "end: 1, smallest_step: 1e-300", ":10 (time.smallest_step)", "Give more than 1e-14"},
+                            {"max: [1, 1]", "max: [1, 1e200]", ":2 (mesh.box.max[1])", "It must be > -1000000000000000 and < 1000000000000000"},
+                            {"end: 1", "end: 0", ":10 (time.end)", "the run ends at 0 s where it starts at 0 s"},
                             {"end: 1", "start: 2", ", default (time.end)", "the run ends at 1 s where it starts at 2 s"},
                             {"at: [0, 0]", "at: [0, 2]", ":11 (output.probes[0])",
                              "lies outside the mesh. Choose a point between (0, 0, 0) and (1, 1, 0)"},

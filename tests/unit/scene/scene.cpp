@@ -270,5 +270,15 @@ TEST(overrides, remove_keys_by_null) {
   EXPECT_EQ(resolved_yaml(parse(smallest, {"contact.friction=null", "exact.faces=null"})), resolved_yaml(parse(smallest)));
 }
 
+TEST(scene, warns_of_values_that_are_possible_and_unusual) {
+  EXPECT_TRUE(parse(smallest).warnings.empty());
+  const std::string slip = with(smallest, "young: 1e9", "young: 10");
+  ASSERT_EQ(parse(slip).warnings.size(), 1U);
+  EXPECT_EQ(parse(slip).warnings[0],
+            "dir/scene.yaml:4 (materials[0].young): 10 Pa is unusual: check the unit, which is SI. Usual are 100000 to 1e+13");
+  EXPECT_TRUE(parse(slip + "exact: {displacement: [x, y]}\n").warnings.empty()) << "a made-up problem may be in any unit";
+  EXPECT_EQ(parse(with(rigid, "1e-14", "1")).warnings.size(), 1U);
+}
+
 }  // namespace
 }  // namespace polyslip::scene

@@ -1,0 +1,24 @@
+#include "stress/set_up.hpp"
+
+#include <algorithm>
+
+#include "polyslip/la/handle.hpp"
+#include "polyslip/mesh/distributed_mesh.hpp"
+#include "polyslip/scene/model.hpp"
+#include "polyslip/solver/active_set_search.hpp"
+
+namespace polyslip::stress {
+
+void prepare() { POLYSLIP_PETSC(solver::register_active_set_search()); }
+
+void set_up(const scene::Scene& scene, mesh::PolyMesh serial, bool first_step) {
+  mesh::PartitionOptions options;
+  options.flow = scene.flow.has_value() || scene.mechanics.bubbles == spaces::Bubbles::all;
+  const mesh::DistributedMesh mesh = mesh::distribute(PETSC_COMM_SELF, std::move(serial), options);
+  scene::Model model(mesh, scene);
+  if (!first_step) return;
+  const double end = std::min(scene.time.end, scene.time.start + scene.time.step);
+  if (model.find_equilibrium([](const solver::NewtonRecord&) {}).converged) (void)model.steps().attempt(scene.time.start, end, end);
+}
+
+}  // namespace polyslip::stress
