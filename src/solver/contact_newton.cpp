@@ -31,7 +31,7 @@ struct ContactNewton::Rung {
 };
 
 ContactNewton::ContactNewton(MechanicsSystem& system, std::unique_ptr<DirectionSolver> linear)
-    : system_(system), linear_(std::move(linear)), residual_(system.create_vector()), start_(system.create_vector()), lagged_(system.create_vector()) {
+    : system_(system), blocks_(system), linear_(std::move(linear)), residual_(system.create_vector()), start_(system.create_vector()), lagged_(system.create_vector()) {
   trace_.system = &system;
   set_up();
 }
@@ -289,7 +289,27 @@ void ContactNewton::start_step() {
   POLYSLIP_PETSC(KSPReset(ksp));
 }
 
+/// Sliding or opening all round, a block has no place of its own: the linear systems are singular, and round-off says where it goes.
+void ContactNewton::refuse_free_motion(Vec x, NewtonResult& result) const {
+  constexpr const char* remedy = "Contact alone holds it: prescribe a displacement of it in mechanics.boundary, load it less, or raise contact.friction";
+  if (!result.converged) {
+    result.message += fmt::format(". Perhaps {} moves freely. {}", assembly::FloatingBlocks::text(blocks_.blocks().front()), remedy);
+    return;
+  }
+  const std::optional<std::string> motion = blocks_.free_motion(system_.states(x));
+  if (!motion) return;
+  result.converged = false;
+  result.message = fmt::format("{}, as its faces slip or open. {}", *motion, remedy);
+  POLYSLIP_PETSC(VecCopy(start_, x));
+}
+
 NewtonResult ContactNewton::solve(Vec x) {
+  NewtonResult result = solve_by_remedies(x);
+  if (!blocks_.blocks().empty() && !stopped_) refuse_free_motion(x, result);
+  return result;
+}
+
+NewtonResult ContactNewton::solve_by_remedies(Vec x) {
   NewtonResult result;
   stopped_ = law_changed_ = false;
   start_step();
