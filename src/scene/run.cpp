@@ -8,6 +8,7 @@
 #include "polyslip/scene/prepare.hpp"
 #include "polyslip/scene/report.hpp"
 #include "polyslip/scene/restart.hpp"
+#include "polyslip/scene/warnings.hpp"
 
 namespace polyslip::scene {
 
@@ -189,6 +190,7 @@ ExitCode Run::execute() {
   read_and_partition();
   assemble();
   report_start(log_, summary_, scene_, *model_);
+  report_warnings(log_, scene_, *model_);
   resume();
   open_outputs();
   const solver::StepperResult result = step();
