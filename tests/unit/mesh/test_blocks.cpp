@@ -44,7 +44,12 @@ TEST(blocks, a_winding_block_is_one_however_many_ranks_it_passes) {
     return axis == 0 && std::abs(8 * x[0] - wall) < 1e-9 && (wall % 2 == 0 ? x[1] < 0.8 : x[1] > 0.2);
   };
   const PolyMesh serial = grid(2, {8, 8, 0}, maze);
-  EXPECT_EQ(find_blocks(distribute(world, PolyMesh(serial), scattered(serial))).blocks.size(), 1u);
+  std::vector<Index> columns(64);  // to as many ranks from left to right: most cells are far from the first cell of their block
+  for (Index cell = 0; cell < 64; ++cell) columns[cell] = cell % 8 * mpi::size(world) / 8;
+  const Blocks found = find_blocks(distribute(world, PolyMesh(serial), columns));
+  ASSERT_EQ(found.blocks.size(), 1u);
+  EXPECT_EQ(found.blocks[0].cells, 64);
+  EXPECT_EQ(found.of_cell, std::vector<Index>(found.of_cell.size(), 0));
 }
 
 }  // namespace
