@@ -19,13 +19,14 @@ struct Measure {
 };
 
 /// Limits by scripts/stress: the families that hold beyond them do so on simpler cells only.
-constexpr std::array<Measure, 6> measures{{
+constexpr std::array<Measure, 7> measures{{
     {1e4, "is as flat or long as an aspect ratio of {:.2g}", "Results may lose digits and multigrid may need many iterations; shape the cells more evenly, or choose -displacement_pc_type lu"},
     {1e5, "has a face or edge {:.2g} times smaller than itself", "Results may lose digits there; join nodes that are this near to each other"},
     {0.2, "has a face whose nodes lie {:.2g} of its size off its plane", "Use smaller cells there, or cut the face into triangles"},
     {0.48, "is nearly incompressible, nu = {:.6g}", "Triangles and tets lock, and stresses of other cells may oscillate; set mechanics.bubbles: all"},
     {1e2, "stores or passes on {:.2g} times less fluid in the first step than its pores give way", "Pressures may oscillate from cell to cell; set mechanics.bubbles: all, or take longer steps or smaller cells"},
     {5e2, "is anisotropic: one permeability is {:.2g} times another", "Pressures of triangles and tets may be wrong where the flow along the larger one must balance; use quads, hexahedra or polygons, or cells along it"},
+    {1e2, "is a tet that stores or passes on {:.2g} times less fluid in the first step than its pores give way", "Pressures of undrained tets are rough even with bubbles on all faces; use hexahedra or smaller cells, or take longer steps"},
 }};
 
 using Values = std::array<double, measures.size()>;
@@ -50,11 +51,15 @@ double anisotropy(const Model& model, Index cell) {
 }
 
 Values measure(const Scene& scene, const Model& model, const spaces::VemCell& vem) {
-  const spaces::CellShape shape = spaces::cell_shape(model.mesh().mesh, vem);
-  Values values{shape.flatness, 1 / shape.smallest_face, shape.warp, 0, 0, model.flow() ? anisotropy(model, vem.cell()) : 0};
-  if (!model.mechanics() || scene.mechanics.bubbles == spaces::Bubbles::all) return values;
-  values[3] = poisson(model.mechanics()->moduli()[vem.cell()]);
-  if (model.flow()) values[4] = undrained(scene, model, vem.cell(), vem.diameter());
+  const mesh::PolyMesh& mesh = model.mesh().mesh;
+  const Index cell = vem.cell();
+  const spaces::CellShape shape = spaces::cell_shape(mesh, vem);
+  Values values{shape.flatness, 1 / shape.smallest_face, shape.warp};
+  if (model.flow()) values[5] = anisotropy(model, cell);
+  if (!model.mechanics()) return values;
+  const bool stable = scene.mechanics.bubbles == spaces::Bubbles::all, tet = mesh.dim == 3 && mesh.cell_faces.row_size(cell) == 4;
+  if (!stable) values[3] = poisson(model.mechanics()->moduli()[cell]);
+  if (model.flow() && (!stable || tet)) values[stable ? 6 : 4] = undrained(scene, model, cell, vem.diameter());
   return values;
 }
 

@@ -299,7 +299,7 @@ void ContactNewton::refuse_free_motion(Vec x, NewtonResult& result) const {
   const std::optional<std::string> motion = blocks_.free_motion(system_.states(x));
   if (!motion) return;
   result.converged = false;
-  result.message = fmt::format("{}, as its faces slip or open. {}", *motion, remedy);
+  result.message = fmt::format("The solution is not unique: {}, as its faces slip or open. {}", *motion, remedy);
   POLYSLIP_PETSC(VecCopy(start_, x));
 }
 

@@ -1,6 +1,6 @@
 """Families of rock and fluid in time: a column consolidates under a load on its drained top (Terzaghi)."""
 
-from catalogue import Case, Family, error_of, errors, history
+from catalogue import Case, Family, error_of, errors, history, merged
 
 TERMS = (1, 3, 5, 7, 9, 11, 13, 15)
 COLUMN = {
@@ -39,7 +39,6 @@ COUPLINGS += [coupling("b = 0", b=0, measure=error_of("displacement_l2"))]
 COUPLINGS += [coupling(f"M = {m:g}", S=1 / m if m else 0, quick=m == 0) for m in (1e6, 1e8, 1e12, 1e18)] + [coupling("M infinite", S=0, quick=True)]
 COUPLINGS += [coupling(f"permeability {k:g}", k=k) for k in (1e-25, 1e-8)] + [coupling(f"E = {e:g}", E=e, S=0.1 / e) for e in (1e3, 1e13)]
 
-UNSTABLE = {("triangles", "fracture")}
 STEPS = [one_step(part, shape, bubbles, storage)
          for shape in ("quads", "triangles", "polygons") for bubbles in ("fracture", "all") for storage in (1e-10, 0) for part in (1e-6, 1e-3)]
 STEPS += [Case(f"one step of {part:g}", {"study": {"part": part, "steps": 1}}, measure=error_of("displacement_l2"), bound=bound, quick=part == 1e6)
@@ -47,7 +46,40 @@ STEPS += [Case(f"one step of {part:g}", {"study": {"part": part, "steps": 1}}, m
 STEPS += [Case("steps growing from 1e-6 to 1e3", {"study": {"part": 1e3, "steps": 1}, "time": {"step": "end*1e-9", "largest_step": "end"}},
                measure=error_of("displacement_l2"), bound=1e-2)]
 
+# ------------------------------------------------------- undrained rock without storage: a displacement that keeps volumes, and a pressure
+
+UNDRAINED_ROCK = {
+    "name": "stress", "mesh": {"box": {"min": [0, 0], "max": [1, 1], "cells": [8, 8], "shape": "quads"}}, "study": {"k": 1e-20},
+    "define": {"X": "pi*x + 0.7", "Y": "pi*y - 0.4", "u": "sin(X)*cos(Y)", "v": "-cos(X)*sin(Y)", "p": "x^2 + cos(2*pi*y)"},
+    "materials": [{"lame_mu": 1, "lame_lambda": 1, "permeability": "k", "biot": 1, "biot_modulus": "infinity"}],
+    "fluid": {"viscosity": 1}, "flow": {"boundary": [{"on": "all", "pressure": "p"}]}, "initial": {"equilibrium": "false"},
+    # - div sigma(u) + grad p
+    "mechanics": {"body_force": ["2*pi^2*u + 2*x", "2*pi^2*v - 2*pi*sin(2*pi*y)"],
+                  "boundary": [{"on": ["left", "bottom", "top"], "displacement": ["u", "v"]},
+                               {"on": "right", "traction": ["2*pi*cos(X)*cos(Y) - p", 0]}]},
+    "exact": {"displacement": ["u", "v"], "pressure": "p"}}
+IN_SPACE = {"mesh": {"box": {"min": [0, 0, 0], "max": [1, 1, 1], "cells": [6, 6, 6]}},
+            "mechanics": {"body_force": ["2*pi^2*u + 2*x", "2*pi^2*v - 2*pi*sin(2*pi*y)", 0],
+                          "boundary": [{"on": ["left", "front", "back", "bottom", "top"], "displacement": ["u", "v", 0]},
+                                       {"on": "right", "traction": ["2*pi*cos(X)*cos(Y) - p", 0, 0]}]},
+            "exact": {"displacement": ["u", "v", 0]}}
+
+
+def undrained(shape, bubbles, bound=0.3, **expected):
+    space = shape in ("hexahedra", "tets")
+    scene = merged(IN_SPACE if space else {}, {"mesh": {"box": {"shape": shape}}, "mechanics": {"bubbles": bubbles}})
+    return Case(f"{shape}, bubbles on {bubbles} faces", scene, bound=bound, quick=space, **expected)
+
+
+ALL = {"says": "mechanics.bubbles: all"}
+UNDRAINED_CASES = [undrained("quads", "fracture", **ALL), undrained("polygons", "fracture", **ALL),
+                   undrained("triangles", "fracture", expect="refused", **ALL), undrained("hexahedra", "fracture", expect="warned", **ALL),
+                   undrained("tets", "fracture", expect="refused", **ALL),
+                   *(undrained(shape, "all", 0.5) for shape in ("quads", "polygons", "triangles")), undrained("hexahedra", "all", 1),
+                   undrained("tets", "all", 1, expect="warned", says="undrained tets are rough")]
+
 FAMILIES = [
+    Family("undrained", "no storage and no time to flow: pressures that only the balance of volumes determines", UNDRAINED_ROCK, UNDRAINED_CASES),
     Family("coupling", "b from 0 to 1, M from 1e6 to infinite, permeability and modulus far from the usual; a tenth of the diffusion time", COLUMN, COUPLINGS),
     Family("time", "one step of 1e-6 to 1e6 of the diffusion time, the undrained first step", COLUMN, STEPS),
 ]
