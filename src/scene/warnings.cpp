@@ -50,16 +50,15 @@ double anisotropy(const Model& model, Index cell) {
   return values[dim - 1] / values[0];
 }
 
-Values measure(const Scene& scene, const Model& model, const spaces::VemCell& vem) {
+Values measure(const Scene& scene, const Model& model, spaces::ShapeMeter& meter, Index cell) {
   const mesh::PolyMesh& mesh = model.mesh().mesh;
-  const Index cell = vem.cell();
-  const spaces::CellShape shape = spaces::cell_shape(mesh, vem);
+  const spaces::CellShape shape = meter.measure(cell);
   Values values{shape.flatness, 1 / shape.smallest_face, shape.warp};
   if (model.flow()) values[5] = anisotropy(model, cell);
   if (!model.mechanics()) return values;
   const bool stable = scene.mechanics.bubbles == spaces::Bubbles::all, tet = mesh.dim == 3 && mesh.cell_faces.row_size(cell) == 4;
   if (!stable) values[3] = poisson(model.mechanics()->moduli()[cell]);
-  if (model.flow() && (!stable || tet)) values[stable ? 6 : 4] = undrained(scene, model, cell, vem.diameter());
+  if (model.flow() && (!stable || tet)) values[stable ? 6 : 4] = undrained(scene, model, cell, meter.diameter());
   return values;
 }
 
@@ -72,10 +71,9 @@ struct Worst {
 Worst worst_here(const Scene& scene, const Model& model) {
   Worst worst;
   worst.values.fill(-std::numeric_limits<double>::infinity());
-  spaces::VemCell vem(model.mesh().mesh);
+  spaces::ShapeMeter meter(model.mesh().mesh);
   for (Index cell = 0; cell < model.mesh().cells.owned; ++cell) {
-    vem.build(cell);
-    const Values values = measure(scene, model, vem);
+    const Values values = measure(scene, model, meter, cell);
     for (std::size_t i = 0; i < values.size(); ++i)
       if (values[i] > worst.values[i]) {
         worst.values[i] = values[i];

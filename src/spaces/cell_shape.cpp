@@ -7,37 +7,31 @@
 
 namespace polyslip::spaces {
 
-namespace {
-
 /// Into `shape`: warp, and sizes not yet divided by h_K. Returns the area.
-double add_face(int dim, std::span<const Vec3> points, CellShape& shape) {
-  std::vector<Vec3> g(points.size());
-  std::vector<double> w(points.size());
-  geometry::vector_weights(dim, points, g);
-  const geometry::FaceGeometry face = geometry::face_geometry(points, g, w);
-  const double size = dim == 2 ? face.area : std::sqrt(face.area);
+double ShapeMeter::add_face(Index face, CellShape& shape) {
+  face_points(mesh_, face, points_);
+  g_.resize(points_.size());
+  w_.resize(points_.size());
+  geometry::vector_weights(mesh_.dim, points_, g_);
+  const geometry::FaceGeometry geometry = geometry::face_geometry(points_, g_, w_);
+  const double size = mesh_.dim == 2 ? geometry.area : std::sqrt(geometry.area);
   shape.smallest_face = std::min(shape.smallest_face, size);
-  if (dim == 2) return face.area;
-  for (std::size_t i = 0; i < points.size(); ++i) {
-    shape.smallest_face = std::min(shape.smallest_face, (points[i] - points[i == 0 ? points.size() - 1 : i - 1]).norm());
-    shape.warp = std::max(shape.warp, std::abs((points[i] - face.centre).dot(face.normal)) / size);
+  if (mesh_.dim == 2) return geometry.area;
+  for (std::size_t i = 0; i < points_.size(); ++i) {
+    shape.smallest_face = std::min(shape.smallest_face, (points_[i] - points_[i == 0 ? points_.size() - 1 : i - 1]).norm());
+    shape.warp = std::max(shape.warp, std::abs((points_[i] - geometry.centre).dot(geometry.normal)) / size);
   }
-  return face.area;
+  return geometry.area;
 }
 
-}  // namespace
-
-CellShape cell_shape(const mesh::PolyMesh& mesh, const VemCell& vem) {
+CellShape ShapeMeter::measure(Index cell) {
+  vem_.build(cell);
   CellShape shape;
-  shape.smallest_face = vem.diameter();
+  shape.smallest_face = vem_.diameter();
   double surface = 0;
-  std::vector<Vec3> points;
-  for (const Index face : mesh.cell_faces[vem.cell()]) {
-    face_points(mesh, face, points);
-    surface += add_face(mesh.dim, points, shape);
-  }
-  shape.flatness = vem.diameter() * surface / (mesh.dim * vem.volume());
-  shape.smallest_face /= vem.diameter();
+  for (const Index face : mesh_.cell_faces[cell]) surface += add_face(face, shape);
+  shape.flatness = vem_.diameter() * surface / (mesh_.dim * vem_.volume());
+  shape.smallest_face /= vem_.diameter();
   return shape;
 }
 

@@ -12,7 +12,21 @@ struct CellShape {
   double warp = 0;           ///< Largest distance of a node from the mean plane of a face, over the root of the face's area; 3D.
 };
 
-/// Of the cell that `vem` was built for last.
-CellShape cell_shape(const mesh::PolyMesh& mesh, const VemCell& vem);
+/// Measures one cell after another; its buffers are reused.
+class ShapeMeter {
+ public:
+  explicit ShapeMeter(const mesh::PolyMesh& mesh) : mesh_(mesh), vem_(mesh) {}
+  CellShape measure(Index cell);
+  /// h_K of the cell measured last [m].
+  [[nodiscard]] double diameter() const { return vem_.diameter(); }
+
+ private:
+  double add_face(Index face, CellShape& shape);
+
+  const mesh::PolyMesh& mesh_;
+  VemCell vem_;
+  std::vector<Vec3> points_, g_;
+  std::vector<double> w_;
+};
 
 }  // namespace polyslip::spaces
