@@ -20,13 +20,21 @@ struct Measure {
 
 /// Limits by scripts/stress: the families that hold beyond them do so on simpler cells only.
 constexpr std::array<Measure, 7> measures{{
-    {1e4, "is as flat or long as an aspect ratio of {:.2g}", "Results may lose digits and multigrid may need many iterations; shape the cells more evenly, or choose -displacement_pc_type lu"},
-    {1e5, "has a face or edge {:.2g} times smaller than itself", "Results may lose digits there; join nodes that are this near to each other"},
-    {0.2, "has a face whose nodes lie {:.2g} of its size off its plane", "Use smaller cells there, or cut the face into triangles"},
-    {0.48, "is nearly incompressible, nu = {:.6g}", "Triangles and tets lock, and stresses of other cells may oscillate; set mechanics.bubbles: all"},
-    {1e2, "stores or passes on {:.2g} times less fluid in the first step than its pores give way", "Pressures may oscillate from cell to cell; set mechanics.bubbles: all, or take longer steps or smaller cells"},
-    {5e2, "is anisotropic: one permeability is {:.2g} times another", "Pressures of triangles and tets may be wrong where the flow along the larger one must balance; use quads, hexahedra or polygons, or cells along it"},
-    {1e2, "is a tet that stores or passes on {:.2g} times less fluid in the first step than its pores give way", "Pressures of undrained tets are rough even with bubbles on all faces; use hexahedra or smaller cells, or take longer steps"},
+    {1e4, "is as flat or long as an aspect ratio of {:.2g}",
+     "Results may lose digits and multigrid may need many iterations; shape the cells more evenly, or choose -displacement_pc_type lu"},
+    {1e5, "has a face or edge {:.2g} times smaller than itself",
+     "Results may lose digits there; join nodes that are this near to each other"},
+    {0.2, "has a face whose nodes lie {:.2g} of its size off its plane",
+     "Use smaller cells there, or cut the face into triangles"},
+    {0.48, "is nearly incompressible, nu = {:.6g}",
+     "Triangles and tets lock, and stresses of other cells may oscillate; set mechanics.bubbles: all"},
+    {1e2, "stores or passes on {:.2g} times less fluid in the first step than its pores give way",
+     "Pressures may oscillate from cell to cell; set mechanics.bubbles: all, or take longer steps or smaller cells"},
+    {5e2, "is anisotropic: one permeability is {:.2g} times another",
+     "Pressures of triangles and tets may be wrong where the flow along the larger one must balance; use quads, hexahedra or polygons, or "
+     "cells along it"},
+    {1e2, "is a tet that stores or passes on {:.2g} times less fluid in the first step than its pores give way",
+     "Pressures of undrained tets are rough even with bubbles on all faces; use hexahedra or smaller cells, or take longer steps"},
 }};
 
 using Values = std::array<double, measures.size()>;
@@ -101,8 +109,8 @@ void warn_of_cells(const Log& log, const Scene& scene, const Model& model) {
     const double value = mpi::max(mesh.comm, worst.values[i]);
     if (!(value > measures[i].limit)) continue;
     const auto [number, at] = place_of(mesh, worst.values[i] == value, worst.cells[i]);
-    log.line("warning: cell {} about ({:.4g}, {:.4g}, {:.4g}) {}. {}", number, at.x(), at.y(), at.z(), fmt::format(fmt::runtime(measures[i].what), value),
-             measures[i].consequence);
+    log.line("warning: cell {} about ({:.4g}, {:.4g}, {:.4g}) {}. {}", number, at.x(), at.y(), at.z(),
+             fmt::format(fmt::runtime(measures[i].what), value), measures[i].consequence);
   }
 }
 

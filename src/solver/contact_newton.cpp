@@ -301,7 +301,8 @@ void ContactNewton::start_step() {
 
 /// Sliding or opening all round, a block has no place of its own: the linear systems are singular, and round-off says where it goes.
 void ContactNewton::refuse_free_motion(Vec x, NewtonResult& result) const {
-  constexpr const char* remedy = "Contact alone holds it: prescribe a displacement of it in mechanics.boundary, load it less, or raise contact.friction";
+  constexpr const char* remedy =
+      "Contact alone holds it: prescribe a displacement of it in mechanics.boundary, load it less, or raise contact.friction";
   if (!result.converged) {
     result.message += fmt::format(". Perhaps {} moves freely. {}", assembly::FloatingBlocks::text(blocks_.blocks().front()), remedy);
     return;

@@ -28,11 +28,11 @@ WARNING = re.compile(r"^warning: (.*)$", re.MULTILINE)
 class Run:
     """A scene in a folder, run."""
 
-    def __init__(self, program, folder, time_limit):
+    def __init__(self, program, folder, time_limit, options=()):
         environment = {**os.environ, "OPENBLAS_NUM_THREADS": "1"}
         begin = time.monotonic()
         try:
-            done = subprocess.run([program, "scene.yaml", "-o", "out"], cwd=folder, env=environment, stdin=subprocess.DEVNULL,
+            done = subprocess.run([program, "scene.yaml", "-o", "out", *options], cwd=folder, env=environment, stdin=subprocess.DEVNULL,
                                   stdout=subprocess.PIPE, stderr=subprocess.STDOUT, timeout=time_limit, check=False)
             self.status, output = STATUS.get(done.returncode, f"exit code {done.returncode}"), done.stdout
         except subprocess.TimeoutExpired as error:
@@ -125,6 +125,7 @@ class Case:
     finer: dict | None = None                      # overrides that make the refined run
     expect: str = "holds"
     says: str = ""                                 # what a warning or the message must hold
+    options: tuple = ()                            # further words of the command line
     quick: bool = False
 
     def build(self, folder, base, overrides=()):
@@ -208,11 +209,11 @@ def run_case(family, case, program, time_limit, keep):
         folder, finer = Path(temporary) / "case", Path(temporary) / "refined"
         folder.mkdir()
         case.build(folder, family.base)
-        run, reference = Run(program, folder, time_limit), None
+        run, reference = Run(program, folder, time_limit, case.options), None
         if case.finer and run.status == "finished":
             finer.mkdir()
             case.build(finer, family.base, [case.finer])
-            reference = Run(program, finer, time_limit)
+            reference = Run(program, finer, time_limit, case.options)
         error = float(case.measure(run, reference)) if run.status == "finished" else None
         row = row_of(family.name, case.name, run, error, case.bound, case.reference, case.expect, case.says)
         keep(folder, row)

@@ -59,13 +59,15 @@ CYCLE = [-DOWN, DOWN, -DOWN, DOWN / 2, DOWN, -2 * DOWN, 1e-3 * DOWN, -DOWN]
 
 FAMILIES = [
     Family("friction", "F from 0 to 100, sheared by twice what F = 1 holds", BASE,
-           [case(f"F = {f:g}, {d}D", [SHEAR], [-DOWN], f, d, quick=f in (0, 100) and d == 2) for f in (0, 1e-6, 0.01, 0.3, 1, 1.9, 10, 100) for d in (2, 3)]),
+           [case(f"F = {f:g}, {d}D", [SHEAR], [-DOWN], f, d, quick=f in (0, 100) and d == 2)
+            for f in (0, 1e-6, 0.01, 0.3, 1, 1.9, 10, 100) for d in (2, 3)]),
     Family("cycles", "histories of load: loops of friction, closing and opening, many faces at once", BASE,
            [case(f"hysteresis loop, F = {f:g}, {d}D", LOOP, [-DOWN] * len(LOOP), f, d, quick=f == 0.6 and d == 2) for f in (0.1, 0.6) for d in (2, 3)]
            + [case("hysteresis loop with changing pressure", LOOP, [-DOWN * (1 + 0.5 * (k % 3)) for k in range(len(LOOP))], 0.3)]
            + [case(f"opening and closing, F = {f:g}, {d}D", [0] * len(CYCLE), CYCLE, f, d, quick=d == 2) for f in (0, 0.6) for d in (2, 3)]
            + [case("sheared while open, then closed", [0, SHEAR, SHEAR, -SHEAR, -SHEAR], [-DOWN, DOWN, -DOWN, DOWN, -DOWN], 0.6)]
-           + [case(f"all {n[0]} faces stick, slip, open and close, a step each", [0.1 * SHEAR, SHEAR, SHEAR, SHEAR], [-DOWN, -DOWN, DOWN, -DOWN], 0.5, cells=n)
+           + [case(f"all {n[0]} faces stick, slip, open and close, a step each", [0.1 * SHEAR, SHEAR, SHEAR, SHEAR],
+                   [-DOWN, -DOWN, DOWN, -DOWN], 0.5, cells=n)
               for n in ([64, 16], [256, 8])]
            + [Case("a block slides free after its last stick", {
                "mesh": {"box": {"min": [0, 0], "max": [1, 1], "cells": [8, 8]}}, "fractures": [{"name": "f", "points": [[0, 0.5], [1, 0.5]]}],

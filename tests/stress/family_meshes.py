@@ -1,7 +1,9 @@
 """Families of meshes: a linear and a curved displacement, and a linear pressure in anisotropic rock, all exact, on each ugly mesh."""
 
+from pathlib import Path
+
 import meshes
-from catalogue import Case, Family
+from catalogue import Case, Family, merged
 
 AXES = "xyz"
 SQUEEZE = {2: ["-1e-3*x + 2e-4*y", "1e-4*x - 1.1e-3*y"],
@@ -77,4 +79,18 @@ def mesh_case(name, problem):
                 **{"bound": bound} | differs.get(problem, {}))
 
 
-FAMILIES = [Family("meshes", "ugly cells", {}, [mesh_case(name, problem) for name in MESHES for problem in PROBLEMS])]
+# The same linear field by multigrid: 12 cells a side, where coarse levels matter. What counts is the number of iterations.
+AMG = ("-options_file", str(Path(__file__).resolve().parents[2] / "options/amg.opts"))
+
+
+def multigrid_case(name, mesh, **overrides):
+    return Case(name, merged({"name": "stress", **linear(3), "mesh": {"box": mesh}}, overrides), bound=1e-6, options=AMG)
+
+
+MULTIGRID = [multigrid_case(f"{shape}, aspect ratio {a:g}", box(shape, 12, max=[1, 1, 1 / a])) for shape in ("hexahedra", "tets") for a in (1, 10, 100, 1000)]
+MULTIGRID += [multigrid_case(f"warped by {s:g}", box("warped", 12, shake=s)) for s in (0.1, 0.45)]
+MULTIGRID += [multigrid_case("polyhedra", box("polyhedra", 10)), multigrid_case("prisms", box("prisms", 12))]
+MULTIGRID += [multigrid_case(f"hexahedra, nu = {nu:g}", box("hexahedra", 12), materials=[{"young": 1e9, "poisson": nu}]) for nu in (0.25, 0.49, 0.4999)]
+
+FAMILIES = [Family("multigrid", "a linear displacement by multigrid (options/amg.opts), 12 cells a side", {}, MULTIGRID),
+            Family("meshes", "ugly cells", {}, [mesh_case(name, problem) for name in MESHES for problem in PROBLEMS])]

@@ -101,7 +101,8 @@ ACROSS = {"name": "stress", "mesh": {"box": SQUARE}, "fractures": [{"name": "f",
           "flow": {"stationary": "true", "fractures": {"contact_aperture": "d", "permeability": 1e-30, "normal_permeability": "Kn"},
                    "boundary": [{"on": "bottom", "pressure": 0, "name": "out"}, {"on": "top", "pressure": 1}]},
           "exact": {"pressure": "y < 0.5 ? V*y/K : 1 - V*(1 - y)/K"}}
-ALONG = {"flow": {"fractures": {"permeability": None, "normal_permeability": None}, "boundary": [{"on": "left", "pressure": 0, "name": "out"}, {"on": "right", "pressure": 1}]},
+ALONG = {"flow": {"fractures": {"permeability": None, "normal_permeability": None},
+                  "boundary": [{"on": "left", "pressure": 0, "name": "out"}, {"on": "right", "pressure": 1}]},
          "exact": {"pressure": "x"}}
 # What leaves is compared with what the rock alone lets through across, K; and along, with K + C_f.
 APERTURES = [Case(f"across, aperture {d:g}, K_fn {kn:g}", {"study": {"d": d, "Kn": kn, "K": 1}}, bound=1e-8, quick=d == 1e-3,

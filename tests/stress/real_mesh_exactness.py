@@ -72,7 +72,8 @@ class RealMeshExactness(unittest.TestCase):
                     if found is None:
                         continue
                     tried += 1
-                    print(f"{path.relative_to(DATA)}, {kind}: displacement {found['displacement_l2']:.1e}, gradient {found['gradient_l2']:.1e}", flush=True)
+                    print(f"{path.relative_to(DATA)}, {kind}: displacement {found['displacement_l2']:.1e}, "
+                          f"gradient {found['gradient_l2']:.1e}", flush=True)
                     self.assertLess(found["displacement_l2"], 1e-9)
                     self.assertLess(found["gradient_l2"], 1e-7)
         self.assertGreater(tried, 0, f"no mesh in {DATA}")

@@ -1,5 +1,5 @@
-"""Readers of the meshes that others have published, for tests: typ2 (2D polygons), RF .node/.ele and FVCA6 .msh (polyhedra), VTK and VTU, corner-point
-grids (GRDECL). Each returns a Mesh; numbers in the formats start at 0 (RF, VTK) or 1."""
+"""Readers of the meshes that others have published, for tests: typ2 (2D polygons), RF .node/.ele and FVCA6 .msh (polyhedra), VTK and VTU,
+corner-point grids (GRDECL). Each returns a Mesh; numbers in the formats start at 0 (RF, VTK) or 1."""
 
 import base64
 import lzma
@@ -87,7 +87,7 @@ def vtk_faces(kind, corners):
 def vtk_mesh(points, cells):
     """`cells` are (type, corners, faces of a polyhedron or nothing); lines and points are left out, and surfaces beside solids."""
     solid = [faces or vtk_faces(kind, list(corners)) for kind, corners, faces in cells if kind == 42 or kind in (10, 14, *PRISM)]
-    nodes, number = [], {}
+    number = {}
     same = [number.setdefault(tuple(x), len(number)) for x in points]  # split nodes of fractures are joined again
     nodes = [list(x) for x in number]
     if solid:
@@ -128,7 +128,8 @@ class Vtu:
 
         def integers(count):
             length = count * size
-            return struct.unpack(f"<{count}{self.header}", base64.b64decode(data[:4 * -(-length // 3)])[:length] if self.encoding == "base64" else data[:length])
+            raw = base64.b64decode(data[:4 * -(-length // 3)]) if self.encoding == "base64" else data
+            return struct.unpack(f"<{count}{self.header}", raw[:length])
 
         def behind(count):
             length = count * size
