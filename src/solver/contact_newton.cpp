@@ -2,6 +2,7 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <cmath>
 #include <utility>
 
@@ -20,7 +21,7 @@ constexpr double nearly_solved = 0.03;  ///< Relative residual of the contact ro
 constexpr double beta_after_springs = 3;
 
 bool is_solved(const assembly::ResidualNorms& n, double atol, double rtol) {
-  return n.momentum <= std::max(atol, rtol * n.momentum_scale) && n.contact <= std::max(atol, rtol * n.contact_scale) &&
+  return n.momentum <= std::max({atol, rtol * n.momentum_scale, n.momentum_floor}) && n.contact <= std::max(atol, rtol * n.contact_scale) &&
          n.flow <= std::max(n.flow_floor, rtol * n.flow_scale);
 }
 
