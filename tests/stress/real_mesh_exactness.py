@@ -18,7 +18,7 @@ import real_meshes  # noqa: E402
 from scene_runs import Run  # noqa: E402  (found by the line above without CTest)
 
 DATA = Path(os.environ.get("POLYSLIP_DATA", ROOT.parent / "shared/data"))
-MOST_CELLS = 1000
+MOST_CELLS = 400
 NO_MESH = {"mesh5.typ2": "an older format in a file of this name", "reek_sim_faults.grdecl": "names of faults, no grid"}
 # A turn: skew to first order. A squeeze with shear: all entries differ.
 GRADIENTS = {"rigid": ((0, 2e-3, -1e-3), (-2e-3, 0, 3e-3), (1e-3, -3e-3, 0)),
