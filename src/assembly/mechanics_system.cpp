@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 
 #include "polyslip/common/error.hpp"
 #include "polyslip/common/mpi.hpp"
@@ -174,6 +175,15 @@ MechanicsSystem::MechanicsSystem(const mesh::DistributedMesh& mesh, const physic
       product_(layout_.create_displacement_vector()) {
   mpi::together(mesh.comm, [&] { assign_laws(mesh, problem, cells_); });
   assemble_bulk();
+  keep_bulk_diagonal();
+}
+
+/// The size of the terms that cancel in a momentum row.
+void MechanicsSystem::keep_bulk_diagonal() {
+  POLYSLIP_PETSC(MatGetDiagonal(matrix_->get(), product_));
+  const VecRead diagonal(product_);
+  bulk_diagonal_.resize(static_cast<std::size_t>(layout_.displacement_size()));
+  for (Index i = 0; i < layout_.displacement_size(); ++i) bulk_diagonal_[i] = fixed()[i] ? 0 : diagonal[i];
 }
 
 void MechanicsSystem::assemble_bulk() {
@@ -410,9 +420,10 @@ void MechanicsSystem::set_contact_rows(const ContactLine& line, double alpha, Ve
 ResidualNorms MechanicsSystem::norms(Vec x, Vec f) const {
   gather(x, work_);
   const VecRead rows(f);
-  std::array<double, 3> squares{};
+  std::array<double, 4> squares{};
   for (Index i = 0; i < layout_.multiplier_start(); ++i)
     if (i >= layout_.displacement_size() || !fixed()[i]) squares[0] += rows[i] * rows[i];
+  for (Index i = 0; i < layout_.displacement_size(); ++i) squares[3] += std::pow(bulk_diagonal_[i] * work_.displacement[i], 2);
   for (Index face = 0; face < mesh_.fractures.owned; ++face) {
     const ContactFace& contact = cells_.faces()[face];
     const ContactPoint p = point(face, work_);
@@ -422,7 +433,13 @@ ResidualNorms MechanicsSystem::norms(Vec x, Vec f) const {
   }
   mpi::sum_in_place(mesh_.comm, squares);
   const double contact_force = std::sqrt(squares[2]);
-  return {std::sqrt(squares[0]), std::max(load_scale_, contact_force), std::sqrt(squares[1]), std::max(contact_force, 1e-6 * load_scale_)};
+  ResidualNorms n;
+  n.momentum = std::sqrt(squares[0]);
+  n.momentum_scale = std::max(load_scale_, contact_force);
+  n.momentum_floor = 4 * std::numeric_limits<double>::epsilon() * std::sqrt(squares[3]);
+  n.contact = std::sqrt(squares[1]);
+  n.contact_scale = std::max(contact_force, 1e-6 * load_scale_);
+  return n;
 }
 
 std::vector<ContactState> MechanicsSystem::states(Vec x) const {

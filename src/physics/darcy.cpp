@@ -89,24 +89,20 @@ void local_transmissibilities(const spaces::HfvCell& element, const Eigen::Matri
   const int n = element.size();
   const double volume = element.measure();
   const auto g = [&](const spaces::HfvFace& face) { return Vec3(face.area / volume * face.normal); };
-  const auto weight = [&](const spaces::HfvFace& face) {
-    return face.area / face.distance * face.normal.dot(mobility * face.normal);
-  };
-  Eigen::Matrix3d form = volume * mobility;  // |K| L + Q
-  for (const spaces::HfvFace& face : faces) {
-    const Vec3 y = face.centre - element.centre();
-    form += weight(face) * y * y.transpose();
-  }
   for (int i = 0; i < n; ++i) {
-    const Vec3 form_gi = form * g(faces[i]), gi = g(faces[i]), yi = faces[i].centre - element.centre();
-    const double wi = weight(faces[i]);
-    for (int j = 0; j <= i; ++j) {
-      const Vec3 gj = g(faces[j]), yj = faces[j].centre - element.centre();
-      double t = form_gi.dot(gj) - wi * yi.dot(gj) - weight(faces[j]) * yj.dot(gi);
-      if (i == j) t += wi;
-      T[static_cast<std::size_t>(i * n + j)] = T[static_cast<std::size_t>(j * n + i)] = t;
-    }
+    const Vec3 flux = volume * (mobility * g(faces[i]));
+    for (int j = 0; j <= i; ++j) T[static_cast<std::size_t>(i * n + j)] = flux.dot(g(faces[j]));
   }
+  std::vector<double> s(static_cast<std::size_t>(n));  // s_k(p) = sum_j s_j v_j
+  for (int k = 0; k < n; ++k) {
+    const Vec3 y = faces[k].centre - element.centre();
+    for (int j = 0; j < n; ++j) s[static_cast<std::size_t>(j)] = (j == k ? 1 : 0) - g(faces[j]).dot(y);
+    const double weight = faces[k].area / faces[k].distance * faces[k].normal.dot(mobility * faces[k].normal);
+    for (int i = 0; i < n; ++i)
+      for (int j = 0; j <= i; ++j) T[static_cast<std::size_t>(i * n + j)] += weight * s[static_cast<std::size_t>(i)] * s[static_cast<std::size_t>(j)];
+  }
+  for (int i = 0; i < n; ++i)
+    for (int j = 0; j < i; ++j) T[static_cast<std::size_t>(j * n + i)] = T[static_cast<std::size_t>(i * n + j)];
 }
 
 void seal_face(std::span<double> T, std::size_t n, std::size_t i) {

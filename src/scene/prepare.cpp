@@ -29,7 +29,7 @@ Scene read_scene(MPI_Comm comm, const CommandLine& line) {
   return parse_scene(mpi::broadcast(comm, text), line.scene, line.overrides);
 }
 
-void report_warnings(const Log& log, const Scene& scene) {
+void report_unusual_values(const Log& log, const Scene& scene) {
   for (const std::string& warning : scene.warnings) log.line("warning: {}", warning);
 }
 

@@ -9,6 +9,7 @@
 #include "polyslip/scene/prepare.hpp"
 #include "polyslip/scene/report.hpp"
 #include "polyslip/scene/restart.hpp"
+#include "polyslip/scene/warnings.hpp"
 
 namespace polyslip::scene {
 
@@ -229,7 +230,8 @@ ExitCode Run::execute() {
   read_and_partition();
   assemble();
   report_start(log_, summary_, scene_, *model_);
-  report_warnings(log_, scene_);
+  report_unusual_values(log_, scene_);
+  report_warnings(log_, scene_, *model_);
   resume();
   open_outputs();
   const solver::StepperResult result = step_or_explain();
@@ -245,7 +247,7 @@ ExitCode run_scene(MPI_Comm comm, const CommandLine& line) {
   const Scene scene = read_scene(comm, line);
   if (line.validate) {
     build_serial_mesh(comm, scene, {});
-    report_warnings(Log(comm), scene);
+    report_unusual_values(Log(comm), scene);
     Log(comm).line("{}: the scene and its mesh are valid", line.scene.string());
     return exit_finished;
   }

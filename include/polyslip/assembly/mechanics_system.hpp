@@ -27,6 +27,7 @@ struct ContactLine {
 /// Norms that convergence is judged by; independent of beta.
 struct ResidualNorms {
   double momentum = 0, momentum_scale = 0;  ///< [N]
+  double momentum_floor = 0;                ///< What the digits of the displacements leave of momentum.
   double contact = 0, contact_scale = 0;    ///< With beta = (2 mu + lambda)/h_K, times |sigma| [N].
   double flow = 0, flow_scale = 1;          ///< Volumes of fluid [m3; 2D: m2]; 0 without fluid.
   double flow_floor = 0;                    ///< What the digits of the pressures leave of flow.
@@ -131,6 +132,7 @@ class MechanicsSystem {
 
  private:
   void assemble_bulk();
+  void keep_bulk_diagonal();
   void describe_fields();
   void compute_lift();
   void write_contact_rows(MatrixContent content);
@@ -153,6 +155,7 @@ class MechanicsSystem {
   la::Handle<IS> nodal_field_, normal_field_;
   std::vector<Index> contact_rows_;  ///< Owned entities whose rows + cells touch.
   std::vector<double> bulk_rows_;    ///< Their values in A, in order.
+  std::vector<double> bulk_diagonal_;  ///< Of A, owned displacements; 0 where prescribed [N/m].
   MatrixContent content_ = MatrixContent::bulk;
   bool matrix_is_exact_ = true, symmetric_everywhere_ = true;
 

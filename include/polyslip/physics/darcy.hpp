@@ -5,8 +5,8 @@
 //   int_K L Grad p . Grad q = |K| G_K p . L G_K q + sum_i w_i s_i(p) s_i(q),
 //   s_i(p) = v_i - G_K p . y_i,   w_i = |D_i| d/d_i^2 n_i . L n_i = |sigma_i|/d_i n_i . L n_i
 // (R_{K sigma} = sqrt(d)/d_i s_i; the products of G_K and R vanish as sum_i |sigma_i| n_i s_i = 0). Hence the fluxes out of K
-//   F_i = sum_j T_ij (p_K - p_j),   T_ij = |K| g_i . L g_j + w_i delta_ij - w_i y_i.g_j - w_j y_j.g_i + g_i . Q g_j,   Q = sum_i
-//   w_i y_i y_i^T.
+//   F_i = sum_j T_ij (p_K - p_j),   T_ij = |K| g_i . L g_j + sum_k w_k s_ki s_kj,   s_ki = delta_ki - g_i . y_k.
+// The squares are added as they are: multiplied out, terms of a sliver of height e h cancel from 1/e^3 to 1/e.
 // T is symmetric and positive definite. As a matrix over [p_K, p_1 .. p_n] the element is [[1'T1, -1'T], [-T1, T]].
 // On a fracture face everything lies in its plane, d is d - 1 and L the scalar C_f/eta.
 #pragma once

@@ -17,7 +17,7 @@ namespace polyslip::scene {
 Scene read_scene(MPI_Comm comm, const CommandLine& line);
 
 /// What is possible in the scene, but unusual.
-void report_warnings(const Log& log, const Scene& scene);
+void report_unusual_values(const Log& log, const Scene& scene);
 
 /// The whole mesh with fractures and copies, on rank 0; checked against the scene, and written into `directory` (not when that is
 /// empty) where the scene says so.

@@ -9,6 +9,7 @@
 #include <memory>
 #include <string>
 
+#include "polyslip/assembly/floating_blocks.hpp"
 #include "polyslip/assembly/mechanics_system.hpp"
 #include "polyslip/solver/active_set_search.hpp"
 #include "polyslip/solver/linear_solver.hpp"
@@ -45,7 +46,8 @@ class ContactNewton {
   explicit ContactNewton(assembly::MechanicsSystem& system, std::unique_ptr<DirectionSolver> linear = nullptr);
   ~ContactNewton();
 
-  /// Solves for the loads of the system, from x and into x; x is as it was where no remedy helps.
+  /// Solves for the loads of the system, from x and into x; x is as it was where no remedy helps. A state that leaves a block free to
+  /// move is no solution, whatever its residual.
   NewtonResult solve(Vec x);
 
   std::function<void(const NewtonRecord&)> monitor;
@@ -57,9 +59,12 @@ class ContactNewton {
   [[nodiscard]] const std::string& linear_choice() const;
   [[nodiscard]] const NewtonSeconds& seconds() const { return seconds_; }
   [[nodiscard]] SNES snes() const { return snes_; }
+  [[nodiscard]] const assembly::FloatingBlocks& floating_blocks() const { return blocks_; }
 
  private:
   struct Rung;
+  NewtonResult solve_by_remedies(Vec x);
+  void refuse_free_motion(Vec x, NewtonResult& result) const;
   void set_up();
   void set_up_condensed();
   void set_up_saddle();
@@ -79,6 +84,7 @@ class ContactNewton {
   static PetscErrorCode test_convergence(SNES, PetscInt, PetscReal, PetscReal, PetscReal, SNESConvergedReason*, void*);
 
   assembly::MechanicsSystem& system_;
+  assembly::FloatingBlocks blocks_;
   ActiveSetTrace trace_;
   std::unique_ptr<DirectionSolver> linear_;  ///< Condensed formulation only.
   la::Handle<SNES> snes_;

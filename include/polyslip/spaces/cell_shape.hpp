@@ -1,0 +1,32 @@
+// How far the shape of a cell is from what the schemes are accurate on.
+#pragma once
+
+#include "polyslip/spaces/vem_cell.hpp"
+
+namespace polyslip::spaces {
+
+/// All without unit.
+struct CellShape {
+  double flatness = 0;       ///< h_K |dK|/(d |K|): 2.8 for a square, 3.5 for a cube, about the aspect ratio for flat and for needle-shaped cells.
+  double smallest_face = 1;  ///< Smallest length of an edge or root of the area of a face, over h_K.
+  double warp = 0;           ///< Largest distance of a node from the mean plane of a face, over the root of the face's area; 3D.
+};
+
+/// Measures one cell after another; its buffers are reused.
+class ShapeMeter {
+ public:
+  explicit ShapeMeter(const mesh::PolyMesh& mesh) : mesh_(mesh), vem_(mesh) {}
+  CellShape measure(Index cell);
+  /// h_K of the cell measured last [m].
+  [[nodiscard]] double diameter() const { return vem_.diameter(); }
+
+ private:
+  double add_face(Index face, CellShape& shape);
+
+  const mesh::PolyMesh& mesh_;
+  VemCell vem_;
+  std::vector<Vec3> points_, g_;
+  std::vector<double> w_;
+};
+
+}  // namespace polyslip::spaces

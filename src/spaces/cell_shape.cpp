@@ -1,0 +1,38 @@
+#include "polyslip/spaces/cell_shape.hpp"
+
+#include <algorithm>
+#include <cmath>
+
+#include "polyslip/geometry/faces.hpp"
+
+namespace polyslip::spaces {
+
+/// Into `shape`: warp, and sizes not yet divided by h_K. Returns the area.
+double ShapeMeter::add_face(Index face, CellShape& shape) {
+  face_points(mesh_, face, points_);
+  g_.resize(points_.size());
+  w_.resize(points_.size());
+  geometry::vector_weights(mesh_.dim, points_, g_);
+  const geometry::FaceGeometry geometry = geometry::face_geometry(points_, g_, w_);
+  const double size = mesh_.dim == 2 ? geometry.area : std::sqrt(geometry.area);
+  shape.smallest_face = std::min(shape.smallest_face, size);
+  if (mesh_.dim == 2) return geometry.area;
+  for (std::size_t i = 0; i < points_.size(); ++i) {
+    shape.smallest_face = std::min(shape.smallest_face, (points_[i] - points_[i == 0 ? points_.size() - 1 : i - 1]).norm());
+    shape.warp = std::max(shape.warp, std::abs((points_[i] - geometry.centre).dot(geometry.normal)) / size);
+  }
+  return geometry.area;
+}
+
+CellShape ShapeMeter::measure(Index cell) {
+  vem_.build(cell);
+  CellShape shape;
+  shape.smallest_face = vem_.diameter();
+  double surface = 0;
+  for (const Index face : mesh_.cell_faces[cell]) surface += add_face(face, shape);
+  shape.flatness = vem_.diameter() * surface / (mesh_.dim * vem_.volume());
+  shape.smallest_face /= vem_.diameter();
+  return shape;
+}
+
+}  // namespace polyslip::spaces
