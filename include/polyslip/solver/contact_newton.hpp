@@ -74,6 +74,7 @@ class ContactNewton {
   void approach_by_springs(Vec x, NewtonResult& result);
   bool try_lagged_friction(Vec x, NewtonResult& result);
   bool is_unsettled(int iteration);
+  [[nodiscard]] double worth_solving() const;
   [[nodiscard]] bool moves_active_set(Vec direction) const;  ///< The whole step does, from where Newton stands.
   [[nodiscard]] std::string why(SNESConvergedReason reason) const;
   void record(int iteration, const assembly::ResidualNorms& norms);

@@ -23,7 +23,7 @@ class LinearSolver final : public DirectionSolver {
   /// since its aggregates were formed (these glue what an open fracture parts). Other preconditioners are set up again only if the
   /// changed faces are too many for the Krylov method to make up for, or if this has begun to cost iterations.
   void matrix_changed(const std::vector<physics::ContactState>& states, bool everywhere) override;
-  /// `loose`: multigrid stops at 1e-3 (-displacement_loose_rtol) of the right-hand side.
+  /// `loose`: multigrid stops at 2e-2 (-displacement_loose_rtol) of the right-hand side.
   PetscErrorCode solve(Vec f, Vec direction, const assembly::ResidualNorms& norms, double rtol, bool loose) override;
   [[nodiscard]] bool can_refine() const override { return !factorises_; }
   PetscErrorCode refine(Vec f, Vec direction, const assembly::ResidualNorms& norms, double rtol) override;
@@ -50,7 +50,7 @@ class LinearSolver final : public DirectionSolver {
   assembly::MechanicsSystem::MatrixContent content_ = assembly::MechanicsSystem::MatrixContent::symmetric;
   std::string choice_;
   PetscBool updates_hierarchy_ = PETSC_TRUE;  ///< -displacement_update_hierarchy
-  PetscReal loose_rtol_ = 1e-3;  ///< -displacement_loose_rtol
+  PetscReal loose_rtol_ = 2e-2;  ///< -displacement_loose_rtol
   bool user_ksp_ = false;
   bool factorises_ = false;
   std::vector<physics::ContactState> states_of_matrix_, states_of_aggregates_;  ///< Of the owned faces.
