@@ -218,7 +218,7 @@ void CoupledSolver::matrix_changed(const std::vector<ContactState>& states, bool
   changed_since_setup_ += changed;
   version_ = system_.flow_matrix_version();
   const bool many = factorises_ && changed_since_setup_ * system_.layout().dim() > 30;
-  const bool costly = iterations_after_setup_ >= 0 && last_iterations_ > 1.5 * iterations_after_setup_ + (factorises_ ? 8 : 10);
+  const bool costly = iterations_after_setup_ >= 0 && last_iterations_ > 1.5 * iterations_after_setup_ + (factorises_ ? 3 : 10);
   const bool plain = !factorises_ && fixed_stress_.get() == nullptr;
   set_up(!has_preconditioner_ || many || costly || plain);
 }
