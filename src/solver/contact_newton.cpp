@@ -133,11 +133,12 @@ PetscErrorCode ContactNewton::apply_condensation(PC pc, Vec f, Vec direction) {
   // another law, and needs no accuracy.
   const double few = self->linear_->can_refine() ? 0 : 0.01 * faces;
   const bool loose = faces > 0 && (iteration == 0 || static_cast<double>(self->trace_.changed) > few);
-  PetscCall(self->linear_->solve(f, direction, self->norms_, rtol, loose));
+  const double accuracy = std::max(rtol, self->worth_solving());
+  PetscCall(self->linear_->solve(f, direction, self->norms_, accuracy, loose));
   if (loose && max_it > 1 && self->linear_->can_refine() && !self->linear_->failed()) {
     bool moves = false;
     PetscCallCXX(moves = self->moves_active_set(direction));
-    if (!moves) PetscCall(self->linear_->refine(f, direction, self->norms_, std::max(rtol, self->worth_solving())));
+    if (!moves) PetscCall(self->linear_->refine(f, direction, self->norms_, accuracy));
   }
   if (self->linear_->failed()) PetscCall(PCSetFailedReason(pc, PC_SUBPC_ERROR));  // SNES then ends with a failed linear solve
   PetscFunctionReturn(0);

@@ -161,7 +161,10 @@ void LinearSolver::matrix_changed(const std::vector<ContactState>& states, bool 
   states_of_matrix_ = states;
   if (!has_preconditioner_ || content_ == MechanicsSystem::MatrixContent::exact) return set_up_preconditioner(true);
   changed_since_setup_ += changed;
-  if (changed > 0 && !aggregates_are_stale() && update_hierarchy()) return set_up_preconditioner(false);
+  if (changed > 0 && !aggregates_are_stale() && update_hierarchy()) {
+    changed_since_setup_ = 0;
+    return set_up_preconditioner(false);
+  }
   // A changed face is a perturbation of rank d, worth about d iterations to a factorisation and less to multigrid.
   const bool many = static_cast<double>(changed_since_setup_ * system_.layout().dim()) > (factorises_ ? 8 : 0.02 * system_.fracture_faces());
   const bool costly = iterations_after_setup_ >= 0 && last_iterations_ > 1.5 * iterations_after_setup_ + 5;
