@@ -143,6 +143,16 @@ void CoupledSolver::write_fixed_stress() {
     }
   }
   POLYSLIP_PETSC(MatDiagonalSet(fixed_stress_, diagonal, ADD_VALUES));
+  states_of_fixed_stress_ = states_of_matrix_;
+  flow_of_fixed_stress_ = system_.flow_matrix_version();
+}
+
+/// Other flow, or more than a twentieth of the faces opened or closed since: fewer cost the Krylov method less than a new pressure block.
+bool CoupledSolver::fixed_stress_is_stale() const {
+  long long parted = 0;
+  for (std::size_t f = 0; f < states_of_matrix_.size(); ++f)
+    parted += (states_of_matrix_[f] == ContactState::open) != (states_of_fixed_stress_[f] == ContactState::open) ? 1 : 0;
+  return flow_of_fixed_stress_ != system_.flow_matrix_version() || 20 * mpi::sum(system_.mesh().comm, parted) > system_.fracture_faces();
 }
 
 void CoupledSolver::set_up(bool again) {
@@ -176,7 +186,7 @@ void CoupledSolver::set_up_direct(bool again) {
 }
 
 void CoupledSolver::set_up_blocks(bool again) {
-  write_fixed_stress();
+  if (again || fixed_stress_is_stale()) write_fixed_stress();  // the pressure block sets itself up when its matrix has changed
   if (again) {
     POLYSLIP_PETSC(KSPSetReusePreconditioner(ksp_, PETSC_FALSE));
     POLYSLIP_PETSC(KSPSetUp(ksp_));
@@ -216,7 +226,6 @@ void CoupledSolver::matrix_changed(const std::vector<ContactState>& states, bool
   changed = mpi::sum(system_.mesh().comm, changed);
   states_of_matrix_ = states;
   changed_since_setup_ += changed;
-  version_ = system_.flow_matrix_version();
   const bool many = factorises_ && changed_since_setup_ * system_.layout().dim() > 30;
   const bool costly = iterations_after_setup_ >= 0 && last_iterations_ > 1.5 * iterations_after_setup_ + (factorises_ ? 3 : 10);
   const bool plain = !factorises_ && fixed_stress_.get() == nullptr;

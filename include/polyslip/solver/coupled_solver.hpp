@@ -37,6 +37,7 @@ class CoupledSolver final : public DirectionSolver {
   void set_up_direct(bool again);
   void set_up_blocks(bool again);
   void write_fixed_stress();
+  [[nodiscard]] bool fixed_stress_is_stale() const;
   PetscErrorCode run(double rtol, double target);
 
   assembly::CoupledSystem& system_;
@@ -51,8 +52,8 @@ class CoupledSolver final : public DirectionSolver {
   std::string choice_;
   PetscReal loose_rtol_ = 1e-3;  ///< -coupled_loose_rtol
   bool factorises_ = false, has_preconditioner_ = false, is_reused_ = false;
-  std::vector<physics::ContactState> states_of_matrix_;
-  long long changed_since_setup_ = 0, version_ = -1;
+  std::vector<physics::ContactState> states_of_matrix_, states_of_fixed_stress_;  ///< Of the owned faces.
+  long long changed_since_setup_ = 0, flow_of_fixed_stress_ = -1;  ///< The latter is a CoupledSystem::flow_matrix_version.
   int iterations_after_setup_ = -1;
 };
 
