@@ -72,7 +72,6 @@ TEST(floating_blocks, newton_refuses_a_block_that_slides_and_keeps_one_that_stic
   const solver::NewtonResult refused = smooth->solve();
   EXPECT_FALSE(refused.converged);
   EXPECT_NE(refused.message.find("mechanics.boundary"), std::string::npos) << refused.message;
-  EXPECT_LT(refused.message.find("block of 8 cells"), 20u) << refused.message;
 }
 
 }  // namespace
