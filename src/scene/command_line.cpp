@@ -15,7 +15,7 @@ alone or under mpirun -n N
 
   -o DIR             results go to DIR (default: <scene name>.out)
   -set KEY=VALUE     overrides a scene key by its path, as often as wanted: -set mesh.box.cells=[16,16,16] -set time.step=10
-  -validate          checks scene and mesh and runs nothing
+  -validate          checks scene and mesh, warns as a run would, and runs nothing
   -restart [FILE]    goes on from a checkpoint (default: checkpoint.h5 of DIR) as if the run had not ended, on any number of ranks;
                      time.end and output may differ from the scene of the checkpoint
   -restart_changed_scene   lets everything else of the scene differ too; the mesh must be the same

@@ -45,6 +45,12 @@ mesh::PolyMesh build_serial_mesh(MPI_Comm comm, const Scene& scene, const std::f
   return mesh;
 }
 
+mesh::PartitionOptions partition_options(const Scene& scene) {
+  mesh::PartitionOptions options;
+  options.flow = scene.flow.has_value() || scene.mechanics.bubbles == spaces::Bubbles::all;
+  return options;
+}
+
 OutputFolder::OutputFolder(MPI_Comm comm, std::filesystem::path path) : comm_(comm), path_(std::move(path)) {
   mpi::on_root(comm, [&] {
     std::error_code error;

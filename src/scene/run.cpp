@@ -72,9 +72,7 @@ void Run::read_and_partition() {
     serial = build_serial_mesh(comm_, scene_, directory_);
   }
   const la::LogStage stage("partition", summary_.seconds.partition);
-  mesh::PartitionOptions options;
-  options.flow = scene_.flow.has_value() || scene_.mechanics.bubbles == spaces::Bubbles::all;
-  mesh_ = mesh::distribute(comm_, std::move(serial), options);
+  mesh_ = mesh::distribute(comm_, std::move(serial), partition_options(scene_));
 }
 
 void Run::assemble() {
@@ -241,16 +239,22 @@ ExitCode Run::execute() {
   return result.end == End::finished ? exit_finished : result.end == End::stopped ? exit_stopped : exit_diverged;
 }
 
+/// All that a run does, and may be refused for, before it resumes and steps.
+ExitCode validate(MPI_Comm comm, const Scene& scene, const std::filesystem::path& file) {
+  const mesh::DistributedMesh mesh = mesh::distribute(comm, build_serial_mesh(comm, scene, {}), partition_options(scene));
+  const Model model(mesh, scene);
+  const Log log(comm);
+  report_unusual_values(log, scene);
+  report_warnings(log, scene, model);
+  log.line("{}: the scene and its mesh are valid", file.string());
+  return exit_finished;
+}
+
 }  // namespace
 
 ExitCode run_scene(MPI_Comm comm, const CommandLine& line) {
   const Scene scene = read_scene(comm, line);
-  if (line.validate) {
-    build_serial_mesh(comm, scene, {});
-    report_unusual_values(Log(comm), scene);
-    Log(comm).line("{}: the scene and its mesh are valid", line.scene.string());
-    return exit_finished;
-  }
+  if (line.validate) return validate(comm, scene, line.scene);
   const std::filesystem::path directory = line.output.empty() ? std::filesystem::path(scene.name + ".out") : line.output;
   const OutputFolder folder(comm, directory);
   for (int signal : {SIGTERM, SIGINT}) std::signal(signal, [](int) { stop_signal = 1; });

@@ -1,6 +1,7 @@
 #include "polyslip/scene/warnings.hpp"
 
 #include <Eigen/Eigenvalues>
+#include <algorithm>
 #include <array>
 #include <limits>
 
@@ -19,7 +20,7 @@ struct Measure {
 };
 
 /// Limits by scripts/stress: the families that hold beyond them do so on simpler cells only.
-constexpr std::array<Measure, 7> measures{{
+constexpr std::array<Measure, 8> measures{{
     {1e4, "is as flat or long as an aspect ratio of {:.2g}",
      "Results may lose digits and multigrid may need many iterations; shape the cells more evenly, or choose -displacement_pc_type lu"},
     {1e5, "has a face or edge {:.2g} times smaller than itself",
@@ -35,6 +36,8 @@ constexpr std::array<Measure, 7> measures{{
      "cells along it"},
     {1e2, "is a tet that stores or passes on {:.2g} times less fluid in the first step than its pores give way",
      "Pressures of undrained tets are rough even with bubbles on all faces; use hexahedra or smaller cells, or take longer steps"},
+    {1e10, "is {:.2g} times more permeable than a cell beside it",
+     "Fluxes inside of it lose as many digits; pressures, and what flows in and out, do not. Raise the smaller permeability if these fluxes count"},
 }};
 
 using Values = std::array<double, measures.size()>;
@@ -58,11 +61,25 @@ double anisotropy(const Model& model, Index cell) {
   return values[dim - 1] / values[0];
 }
 
+/// Permeability over that of its least permeable neighbour.
+double contrast(const Model& model, Index cell) {
+  const mesh::PolyMesh& mesh = model.mesh().mesh;
+  const auto permeability = [&](Index c) { return model.flow()->rock()[c].permeability.topLeftCorner(mesh.dim, mesh.dim).trace(); };
+  double least = permeability(cell);
+  for (const Index face : mesh.cell_faces[cell])
+    for (const Index neighbour : mesh.face_cells[face])
+      if (neighbour >= 0) least = std::min(least, permeability(neighbour));
+  return permeability(cell) / least;
+}
+
 Values measure(const Scene& scene, const Model& model, spaces::ShapeMeter& meter, Index cell) {
   const mesh::PolyMesh& mesh = model.mesh().mesh;
   const spaces::CellShape shape = meter.measure(cell);
   Values values{shape.flatness, 1 / shape.smallest_face, shape.warp};
-  if (model.flow()) values[5] = anisotropy(model, cell);
+  if (model.flow()) {
+    values[5] = anisotropy(model, cell);
+    values[7] = contrast(model, cell);
+  }
   if (!model.mechanics()) return values;
   const bool stable = scene.mechanics.bubbles == spaces::Bubbles::all, tet = mesh.dim == 3 && mesh.cell_faces.row_size(cell) == 4;
   if (!stable) values[3] = poisson(model.mechanics()->moduli()[cell]);

@@ -313,7 +313,7 @@ void ContactNewton::refuse_free_motion(Vec x, NewtonResult& result) const {
   constexpr const char* remedy =
       "Contact alone holds it: prescribe a displacement of it in mechanics.boundary, load it less, or raise contact.friction";
   if (!result.converged) {
-    result.message += fmt::format(". Perhaps {} moves freely. {}", assembly::FloatingBlocks::text(blocks_.blocks().front()), remedy);
+    result.message = fmt::format("Perhaps {} moves freely. {}. {}", assembly::FloatingBlocks::text(blocks_.blocks().front()), remedy, result.message);
     return;
   }
   const std::optional<std::string> motion = blocks_.free_motion(system_.states(x));

@@ -87,10 +87,12 @@ def multigrid_case(name, mesh, **overrides):
     return Case(name, merged({"name": "stress", **linear(3), "mesh": {"box": mesh}}, overrides), bound=1e-6, options=AMG)
 
 
-MULTIGRID = [multigrid_case(f"{shape}, aspect ratio {a:g}", box(shape, 12, max=[1, 1, 1 / a])) for shape in ("hexahedra", "tets") for a in (1, 10, 100, 1000)]
+MULTIGRID = [multigrid_case(f"{shape}, aspect ratio {a:g}", box(shape, 12, max=[1, 1, 1 / a]))
+             for shape in ("hexahedra", "tets") for a in (1, 10, 100, 1000)]
 MULTIGRID += [multigrid_case(f"warped by {s:g}", box("warped", 12, shake=s)) for s in (0.1, 0.45)]
 MULTIGRID += [multigrid_case("polyhedra", box("polyhedra", 10)), multigrid_case("prisms", box("prisms", 12))]
-MULTIGRID += [multigrid_case(f"hexahedra, nu = {nu:g}", box("hexahedra", 12), materials=[{"young": 1e9, "poisson": nu}]) for nu in (0.25, 0.49, 0.4999)]
+MULTIGRID += [multigrid_case(f"hexahedra, nu = {nu:g}", box("hexahedra", 12), materials=[{"young": 1e9, "poisson": nu}])
+              for nu in (0.25, 0.49, 0.4999)]
 
 FAMILIES = [Family("multigrid", "a linear displacement by multigrid (options/amg.opts), 12 cells a side", {}, MULTIGRID),
             Family("meshes", "ugly cells", {}, [mesh_case(name, problem) for name in MESHES for problem in PROBLEMS])]

@@ -60,6 +60,7 @@ def contrast(what, ratio, shape):
     outflow = history(out_outflow=[2 / (1 + 1 / ratio)])
     return Case(f"{what} contrast {ratio:g}, {shape}", scene | {"study": {"ratio": ratio}, "mesh": {"box": {"shape": shape}}},
                 measure=both(errors, outflow) if what == "permeability" else errors, bound=1e-7,
+                says="times more permeable" if what == "permeability" and ratio in (1e-12, 1e12) else "",
                 quick=shape == "triangles" and ratio in (1e6, 1e12))
 
 

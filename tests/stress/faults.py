@@ -121,7 +121,8 @@ class Faults(unittest.TestCase):
             log = run(SCENE, self.parts, "-set", f"mesh.box.cells={cells}", expect=4, preexec_fn=limited)
             self.assertRegex(log, r"polyslip: out of memory: this rank has used \d+ MB and gets no more\. Use fewer cells")
         log = run(SCENE, self.parts, "-set", "mesh.box.cells=[45000,45000]", expect=2)
-        self.assertRegex(log, r"load_history.yaml:\d+, mesh.box.cells: 2.02e\+09 cells do not fit into|do not fit into the \S+ GB of this machine's memory")
+        self.assertRegex(log, r"load_history.yaml:\d+, mesh.box.cells: 2.02e\+09 cells do not fit into|"
+                              r"do not fit into the \S+ GB of this machine's memory")
 
     # Checkpoints
 
@@ -146,7 +147,8 @@ class Faults(unittest.TestCase):
     def test_a_new_run_puts_an_earlier_one_aside(self):
         run(SCENE, self.parts, "-set", "time.end=0.2")
         process = start(SCENE, self.parts, "-set", "output.checkpoint_every=0")
-        while process.poll() is None and not (self.parts / "scene.resolved.yaml").stat().st_mtime_ns > (self.parts / "checkpoint.previous.h5").stat().st_mtime_ns:
+        begun, put_away = self.parts / "scene.resolved.yaml", self.parts / "checkpoint.previous.h5"
+        while process.poll() is None and not begun.stat().st_mtime_ns > put_away.stat().st_mtime_ns:
             time.sleep(0.001)
         while process.poll() is None and steps_done(self.parts) < 1:
             time.sleep(0.001)
@@ -167,7 +169,8 @@ class Faults(unittest.TestCase):
 
     def test_what_is_refused_late_keeps_what_was_accepted(self):
         for ranks in (1, 2):
-            log = run(SCENE, self.parts, "-set", "mechanics.boundary[1].displacement=[\"t > 0.32 ? sqrt(x - 0.5) : 0\", \"-1e-4*t\"]", ranks=ranks, expect=3)
+            load = 'mechanics.boundary[1].displacement=["t > 0.32 ? sqrt(x - 0.5) : 0", "-1e-4*t"]'
+            log = run(SCENE, self.parts, "-set", load, ranks=ranks, expect=3)
             self.assertIn("gives -nan at x = 0, y = 1", log)
             summary = json.loads((self.parts / "summary.json").read_text())
             self.assertEqual((summary["status"], summary["steps"]["accepted"]), ("diverged", 6))
@@ -180,6 +183,13 @@ class Faults(unittest.TestCase):
             log = run(SCENE, self.parts, "-validate", "-set", f"materials[0].{setting}")
             self.assertIn(f"(materials[0].young): {value} is unusual: check the unit, which is SI", log)
         self.assertNotIn("warning", run(SCENE, self.parts, "-validate"))
+
+    def test_validate_warns_as_a_run(self):
+        stiff = ("-set", "materials[0].poisson=0.4999")
+        checked, ran = ([line for line in run(SCENE, self.parts, *stiff, *words).splitlines() if line.startswith("warning: ")]
+                        for words in (["-validate"], ["-set", "time.end=0.05"]))
+        self.assertIn("nearly incompressible", "".join(ran))
+        self.assertEqual(checked, ran)
 
 
 if __name__ == "__main__":

@@ -35,8 +35,8 @@ contact: {{law: frictionless}}
 NATIVE = [(2, "polygons", "4, 4", "[[0.25, 0.5], [0.75, 0.5]]"), (2, "triangles", "4, 4", "[[0.25, 0.5], [0.75, 0.5]]"),
           (3, "tets", "2, 2, 2", "[[0, 0, 0.5], [0.5, 0, 0.5], [0.5, 0.5, 0.5], [0, 0.5, 0.5]]"),
           (3, "hexahedra", "2, 2, 2", "[[0, 0, 0.5], [0.5, 0, 0.5], [0.5, 0.5, 0.5], [0, 0.5, 0.5]]")]
-TABLES = ["/nodes", "/face_nodes/offsets", "/face_nodes/values", "/cell_faces/offsets", "/cell_faces/values", "/face_cells", "/cell_region", "/face_tag",
-          "/face_fracture", "/fracture_length", "/face_tip_distance"]
+TABLES = ["/nodes", "/face_nodes/offsets", "/face_nodes/values", "/cell_faces/offsets", "/cell_faces/values", "/face_cells", "/cell_region",
+          "/face_tag", "/face_fracture", "/fracture_length", "/face_tip_distance"]
 REALS = [float("nan"), float("inf"), -float("inf"), 1e308, -1e308, 1e-320, 0.0, -1.0, 1e9]
 INTEGERS = [-1, -2, 0, 1, 7, 2**31 - 1, -2**31, 1000000]
 TOKENS = ["nan", "inf", "-1", "0", "2147483648", "4294967297", "9" * 25, "1e308", "x", "", "1.5", "-0", "16", "2000000000", "$End"]
@@ -77,8 +77,8 @@ def gmsh_22(dim):
     nodes, elements = grid(dim)
     lines = [f"{i} {x} {y} {z}" for i, (x, y, z) in enumerate(nodes, 1)]
     rows = [f"{i} {kind} 2 {group} 1 {' '.join(map(str, corners))}" for i, (kind, group, corners) in enumerate(elements, 1)]
-    text = "\n".join(["$MeshFormat", "2.2 0 8", "$EndMeshFormat", names(dim) + "$Nodes", str(len(nodes)), *lines, "$EndNodes", "$Elements", str(len(rows)),
-                      *rows, "$EndElements", ""])
+    text = "\n".join(["$MeshFormat", "2.2 0 8", "$EndMeshFormat", names(dim) + "$Nodes", str(len(nodes)), *lines, "$EndNodes",
+                      "$Elements", str(len(rows)), *rows, "$EndElements", ""])
     return text.encode()
 
 
@@ -263,7 +263,8 @@ def main():
         if faults or set(ends) != {"accepted"}:
             sys.exit("the meshes to be damaged are not valid")
         jobs = [job(folder, f"mesh_{i}", *mutant(chosen.seed, i, bases)) for i in range(chosen.cases)]
-        place = rf"({re.escape(str(folder))}/mesh_\d+\.(msh|h5)|-set mesh\.file=\S+ \(mesh.file\))(, (section|dataset) [^:\n]+|(:|,) cells? [^:\n]+)?: "
+        place = (rf"({re.escape(str(folder))}/mesh_\d+\.(msh|h5)|-set mesh\.file=\S+ \(mesh.file\))"
+                 r"(, (section|dataset) [^:\n]+|(:|,) cells? [^:\n]+)?: ")
         faults, ends = judge(jobs, place, folder)
     print(f"{chosen.cases} damaged meshes: " + ", ".join(f"{count} {end}" for end, count in ends.most_common()) + f"; {faults} faults")
     sys.exit(faults > 0)

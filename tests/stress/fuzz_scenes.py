@@ -37,13 +37,13 @@ KEY = re.compile(r"\b[A-Za-z_]\w*(?=:(?:\s|$))", re.M)
 VALUE = re.compile(r"(?<=: )[^,\[\]{}\n#]+")
 LIST = re.compile(r"\[[^\[\]]*\]|\{[^{}]*\}")
 TEXT = re.compile(r"\"[^\"\n]*\"")
-NUMBERS = ["nan", ".nan", "inf", ".inf", "-.inf", "infinity", "1e308", "-1e308", "1e-320", "0", "-0", "-1", "0.5", "10", "2147483648", "1e30", "1/0", "0/0",
-           "9" * 400, "0x1p3", "1_000", "1e", "--1", "true", "~", "''", "1e-300"]
-WRONG = ["[]", "{}", "~", "''", "[[]]", "[1, 2, 3, 4]", "{a: 1}", "text", "!!binary aGk=", "!!float x", "&a [*a]", "*nowhere", "- 1", "|", ">-", "[~, ~]",
-         "\"\\0\"", "\"\\x07\"", "é", "2001-01-01", "<<: *a", "1 2", "0o17", "#", "'", "\"", "[", "}", "yes"]
-EXPRESSIONS = ["1/(x-x)", "sqrt(-1)", "x+", "t*1e308*1e308", "log(0)", "(" * 400 + "x" + ")" * 400, "x ? 1", "sin()", "sin(1,2)", "a=1", "x=1", "rand()", "pi(1)",
-               "1e400", "x^y^z^t^1e9", "tip_distance/0", "-" * 500 + "1", "1;2", "min()", "\"x\"", "x/*1", "_", "e", "i", "nan", "inf", "1,2", "if(x,1,2)", "0/0", "x>0.3?nan:1",
-               "x > 0.6 ? -1 : 1", "1 + (y > 0.5)/0"]
+NUMBERS = ["nan", ".nan", "inf", ".inf", "-.inf", "infinity", "1e308", "-1e308", "1e-320", "0", "-0", "-1", "0.5", "10", "2147483648", "1e30", "1/0",
+           "0/0", "9" * 400, "0x1p3", "1_000", "1e", "--1", "true", "~", "''", "1e-300"]
+WRONG = ["[]", "{}", "~", "''", "[[]]", "[1, 2, 3, 4]", "{a: 1}", "text", "!!binary aGk=", "!!float x", "&a [*a]", "*nowhere", "- 1", "|", ">-",
+         "[~, ~]", "\"\\0\"", "\"\\x07\"", "é", "2001-01-01", "<<: *a", "1 2", "0o17", "#", "'", "\"", "[", "}", "yes"]
+EXPRESSIONS = ["1/(x-x)", "sqrt(-1)", "x+", "t*1e308*1e308", "log(0)", "(" * 400 + "x" + ")" * 400, "x ? 1", "sin()", "sin(1,2)", "a=1", "x=1",
+               "rand()", "pi(1)", "1e400", "x^y^z^t^1e9", "tip_distance/0", "-" * 500 + "1", "1;2", "min()", "\"x\"", "x/*1", "_", "e", "i", "nan",
+               "inf", "1,2", "if(x,1,2)", "0/0", "x>0.3?nan:1", "x > 0.6 ? -1 : 1", "1 + (y > 0.5)/0"]
 SLIPS = [1e-12, 1e-9, 1e-6, 1e-3, 1e3, 1e6, 1e9, 1e12, -1]
 
 
@@ -109,7 +109,9 @@ def cut(dice, text):
 def nest(dice, text):
     depth = dice.choice((5, 40, 500, 20000))
     opening, closing = dice.choice(("[]", "{}", ("{a: ", "}"), ("- ", "")))
-    return VALUE.sub(lambda m: opening * depth + m.group() + closing * depth, text, count=1) if dice.random() < 0.5 else text + "\nstudy: " + opening * depth
+    if dice.random() < 0.5:
+        return VALUE.sub(lambda m: opening * depth + m.group() + closing * depth, text, count=1)
+    return text + "\nstudy: " + opening * depth
 
 
 def bytes_edit(dice, text):
@@ -127,10 +129,11 @@ def alias(dice, text):
 MUTATIONS = [at_any(NUMBER, lambda dice, _, text: dice.choice(NUMBERS))] * 5 + [at_any(NUMBER, slip)] * 4 + [
     at_any(NUMBER, lambda dice, _, text: f'"{dice.choice(EXPRESSIONS)}"'), at_any(TEXT, lambda dice, _, text: f'"{dice.choice(EXPRESSIONS)}"'),
     at_any(TEXT, lambda dice, *_: '"' + dice.choice(EXPRESSIONS) + '"'), at_any(VALUE, lambda dice, *_: dice.choice(WRONG)),
-    at_any(VALUE, lambda dice, *_: dice.choice(WRONG)), at_any(LIST, lambda dice, *_: dice.choice(WRONG)), at_any(KEY, misspelt), at_any(KEY, any_key),
-    at_any(KEY, lambda *_: ""), at_any(LIST, lambda dice, old, _: f"[{old}, {old}]"), at_any(LIST, lambda dice, old, _: old[:1] + old[-1:]),
-    at_any(VALUE, lambda dice, _, text: dice.choice(VALUE.findall(text))), line_edit(drop_line), line_edit(drop_line), line_edit(repeat_line), line_edit(swap_lines),
-    line_edit(shift_line), cut, nest, bytes_edit, alias]
+    at_any(VALUE, lambda dice, *_: dice.choice(WRONG)), at_any(LIST, lambda dice, *_: dice.choice(WRONG)), at_any(KEY, misspelt),
+    at_any(KEY, any_key), at_any(KEY, lambda *_: ""), at_any(LIST, lambda dice, old, _: f"[{old}, {old}]"),
+    at_any(LIST, lambda dice, old, _: old[:1] + old[-1:]),
+    at_any(VALUE, lambda dice, _, text: dice.choice(VALUE.findall(text))), line_edit(drop_line), line_edit(drop_line),
+    line_edit(repeat_line), line_edit(swap_lines), line_edit(shift_line), cut, nest, bytes_edit, alias]
 
 
 def mutant(seed, number, bases):
@@ -158,8 +161,8 @@ def base_texts():
 
 def fault_of_run(scene, folder):
     """What is wrong with a run of the program, ended by SIGTERM where it takes long; an empty text if nothing is."""
-    process = subprocess.Popen([*shlex.split(os.environ.get("POLYSLIP_WRAPPER", "")), os.environ["POLYSLIP"], scene, "-o", folder], text=True, stdin=subprocess.DEVNULL,
-                               stdout=subprocess.PIPE, stderr=subprocess.PIPE, errors="replace")
+    command = [*shlex.split(os.environ.get("POLYSLIP_WRAPPER", "")), os.environ["POLYSLIP"], scene, "-o", folder]
+    process = subprocess.Popen(command, text=True, stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=subprocess.PIPE, errors="replace")
     try:
         out, err = process.communicate(timeout=5)
     except subprocess.TimeoutExpired:
@@ -211,7 +214,8 @@ def main():
             faults += bool(fault)
             if fault:
                 print(f"scene {number} as a run: {fault}", file=sys.stderr)
-    print(f"{chosen.cases} damaged scenes: " + ", ".join(f"{count} {end}" for end, count in ends.most_common()) + f"; {chosen.runs} runs; {faults} faults")
+    counts = ", ".join(f"{count} {end}" for end, count in ends.most_common())
+    print(f"{chosen.cases} damaged scenes: {counts}; {chosen.runs} runs; {faults} faults")
     sys.exit(faults > 0)
 
 

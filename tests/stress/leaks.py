@@ -40,7 +40,8 @@ def main():
     steps = arguments.parse_args().steps
     with tempfile.TemporaryDirectory() as folder:
         (short_memory, short_left), (memory, left) = (figures(Path(folder), n) for n in (steps // 10, steps))
-    print(f"peak memory after {steps // 10} and {steps} steps: {short_memory:.2f} and {memory:.2f} MB; objects left: {sum(short_left.values())} and {sum(left.values())}")
+    print(f"peak memory after {steps // 10} and {steps} steps: {short_memory:.2f} and {memory:.2f} MB; "
+          f"objects left: {sum(short_left.values())} and {sum(left.values())}")
     if len(left) < 5 or left != short_left:
         sys.exit(f"objects left after {steps // 10} steps: {short_left}, after {steps}: {left}")
     if memory - short_memory > LARGEST_GROWTH * steps / 1000:

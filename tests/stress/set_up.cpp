@@ -5,6 +5,7 @@
 #include "polyslip/la/handle.hpp"
 #include "polyslip/mesh/distributed_mesh.hpp"
 #include "polyslip/scene/model.hpp"
+#include "polyslip/scene/prepare.hpp"
 #include "polyslip/solver/active_set_search.hpp"
 
 namespace polyslip::stress {
@@ -12,9 +13,7 @@ namespace polyslip::stress {
 void prepare() { POLYSLIP_PETSC(solver::register_active_set_search()); }
 
 void set_up(const scene::Scene& scene, mesh::PolyMesh serial, bool first_step) {
-  mesh::PartitionOptions options;
-  options.flow = scene.flow.has_value() || scene.mechanics.bubbles == spaces::Bubbles::all;
-  const mesh::DistributedMesh mesh = mesh::distribute(PETSC_COMM_SELF, std::move(serial), options);
+  const mesh::DistributedMesh mesh = mesh::distribute(PETSC_COMM_SELF, std::move(serial), scene::partition_options(scene));
   scene::Model model(mesh, scene);
   if (!first_step) return;
   const double end = std::min(scene.time.end, scene.time.start + scene.time.step);

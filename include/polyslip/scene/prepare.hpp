@@ -6,7 +6,7 @@
 #include <set>
 #include <string>
 
-#include "polyslip/mesh/poly_mesh.hpp"
+#include "polyslip/mesh/distributed_mesh.hpp"
 #include "polyslip/scene/command_line.hpp"
 #include "polyslip/scene/log.hpp"
 #include "polyslip/scene/scene.hpp"
@@ -22,6 +22,9 @@ void report_unusual_values(const Log& log, const Scene& scene);
 /// The whole mesh with fractures and copies, on rank 0; checked against the scene, and written into `directory` (not when that is
 /// empty) where the scene says so.
 mesh::PolyMesh build_serial_mesh(MPI_Comm comm, const Scene& scene, const std::filesystem::path& directory);
+
+/// What the unknowns of the scene need of the parts of its mesh.
+mesh::PartitionOptions partition_options(const Scene& scene);
 
 /// The folder of the results. A run that is refused leaves it as it was: nothing in it may pass for a result.
 class OutputFolder {
