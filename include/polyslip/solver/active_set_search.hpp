@@ -32,7 +32,7 @@ struct ActiveSetTrace {
   long long changed = 0;      ///< Faces that changed state in the last step, over all ranks.
   long long opened_or_closed = 0;  ///< Those of them that opened or closed.
   double step_length = 1;     ///< alpha of the last step
-  double settled_merit = 0;   ///< phi below which the contact rows count as solved: no step is shortened for what is left of them.
+  double settled_merit = 0;   ///< phi below which no step is shortened: what is left of the contact rows is round-off, or less than the other rows.
   bool cycle = false;
   long long cycles = 0;       ///< Cycles met since the start of the run.
 
