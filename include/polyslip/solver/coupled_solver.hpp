@@ -1,12 +1,13 @@
 // Solves the condensed system of displacement and pressure of a Newton iteration (options prefix coupled_).
 //
 // Defaults by size and dimension:
-//  * an LU factorisation of the exact matrix (MUMPS) with a few GMRES iterations on top, kept as long as these are few;
+//  * an LU factorisation of the exact matrix (MUMPS) with a few GMRES iterations on top, kept as long as these are few
+//    (flexible GMRES, which saves an application an iteration);
 //  * else GMRES with a block triangular preconditioner, PCFIELDSPLIT (Schur, upper):
 //       [ P_u  A_up ] [u]   [r_u]      S_fs = S' + diag( b^2 |K|/K_dr  on cells,  |sigma| l/(2 mu + lambda) on open fracture faces ),
 //       [      S_fs ] [p] = [r_p]      K_dr = lambda + 2 mu/d,   l^2 = h_K times the length of the fracture
 //    (fixed stress), one multigrid cycle for each block: coupled_fieldsplit_displacement_ (GAMG with rigid-body modes, on the matrix with the
-//    friction bounds held) and coupled_fieldsplit_pressure_.
+//    friction bounds held) and coupled_fieldsplit_pressure_, whose matrix is kept while few faces open or close.
 // -coupled_pc_type lu or fieldsplit chooses.
 #pragma once
 
@@ -50,7 +51,7 @@ class CoupledSolver final : public DirectionSolver {
   std::optional<la::HierarchyUpdate> changes_;
   assembly::MechanicsSystem::MatrixContent content_ = assembly::MechanicsSystem::MatrixContent::symmetric;
   std::string choice_;
-  PetscReal loose_rtol_ = 1e-3;  ///< -coupled_loose_rtol
+  PetscReal loose_rtol_ = 1e-3;  ///< -coupled_loose_rtol: of multigrid and of an old factorisation
   bool factorises_ = false, has_preconditioner_ = false, is_reused_ = false;
   std::vector<physics::ContactState> states_of_matrix_, states_of_fixed_stress_;  ///< Of the owned faces.
   long long changed_since_setup_ = 0, flow_of_fixed_stress_ = -1;  ///< The latter is a CoupledSystem::flow_matrix_version.
