@@ -38,7 +38,12 @@ struct ContactNewton::Rung {
 };
 
 ContactNewton::ContactNewton(MechanicsSystem& system, std::unique_ptr<DirectionSolver> linear)
-    : system_(system), blocks_(system), linear_(std::move(linear)), residual_(system.create_vector()), start_(system.create_vector()), lagged_(system.create_vector()) {
+    : system_(system),
+      blocks_(system),
+      linear_(std::move(linear)),
+      residual_(system.create_vector()),
+      start_(system.create_vector()),
+      lagged_(system.create_vector()) {
   trace_.system = &system;
   set_up();
 }
@@ -146,8 +151,8 @@ PetscErrorCode ContactNewton::apply_condensation(PC pc, Vec f, Vec direction) {
   PetscFunctionReturn(0);
 }
 
-/// Relative residual below which a step on a settled active set gains nothing. Slip with friction turns in 3D, and the law bends with it; elsewhere it is
-/// linear once the active set is right, and the step is the last one.
+/// Relative residual below which a step on a settled active set gains nothing. Slip with friction turns in 3D, and the law bends with it;
+/// elsewhere it is linear once the active set is right, and the step is the last one.
 double ContactNewton::worth_solving() const {
   const bool bends = system_.layout().dim() == 3 && !system_.is_symmetric() && norms_.contact_scale > 0;
   return bends ? 1e-2 * norms_.contact / norms_.contact_scale : 0;

@@ -5,7 +5,6 @@
 #include <algorithm>
 #include <cmath>
 
-#include "polyslip/common/mpi.hpp"
 #include "polyslip/la/options.hpp"
 #include "polyslip/solver/displacement_multigrid.hpp"
 
@@ -40,7 +39,6 @@ void estimate_eigenvalues_again(PC hierarchy) {
     POLYSLIP_PETSC(KSPSetOperators(smoother, matrix, preconditioner));
   }
 }
-
 
 }  // namespace
 
@@ -149,10 +147,8 @@ void CoupledSolver::write_fixed_stress() {
 
 /// Other flow, or more than a twentieth of the faces opened or closed since: fewer cost the Krylov method less than a new pressure block.
 bool CoupledSolver::fixed_stress_is_stale() const {
-  long long parted = 0;
-  for (std::size_t f = 0; f < states_of_matrix_.size(); ++f)
-    parted += (states_of_matrix_[f] == ContactState::open) != (states_of_fixed_stress_[f] == ContactState::open) ? 1 : 0;
-  return flow_of_fixed_stress_ != system_.flow_matrix_version() || 20 * mpi::sum(system_.mesh().comm, parted) > system_.fracture_faces();
+  return flow_of_fixed_stress_ != system_.flow_matrix_version() ||
+         20 * parted_since(system_.mesh().comm, states_of_fixed_stress_) > system_.fracture_faces();
 }
 
 void CoupledSolver::set_up(bool again) {
@@ -221,11 +217,7 @@ void CoupledSolver::start_step() {
 }
 
 void CoupledSolver::matrix_changed(const std::vector<ContactState>& states, bool everywhere) {
-  long long changed = 0;
-  for (std::size_t f = 0; f < states.size(); ++f) changed += everywhere || states_of_matrix_.empty() || states[f] != states_of_matrix_[f] ? 1 : 0;
-  changed = mpi::sum(system_.mesh().comm, changed);
-  states_of_matrix_ = states;
-  changed_since_setup_ += changed;
+  changed_since_setup_ += take_over(system_.mesh().comm, states, everywhere);
   const bool many = factorises_ && changed_since_setup_ * system_.layout().dim() > 30;
   const bool costly = iterations_after_setup_ >= 0 && last_iterations_ > 1.5 * iterations_after_setup_ + (factorises_ ? 3 : 10);
   const bool plain = !factorises_ && fixed_stress_.get() == nullptr;

@@ -2,7 +2,11 @@
 
 #include <algorithm>
 
+#include "polyslip/common/mpi.hpp"
+
 namespace polyslip::solver {
+
+using physics::ContactState;
 
 PetscErrorCode DirectionSolver::count(KSP ksp) {
   KSPConvergedReason reason = KSP_CONVERGED_ITERATING;
@@ -15,6 +19,21 @@ PetscErrorCode DirectionSolver::count(KSP ksp) {
   counts_.iterations += last_iterations_;
   counts_.max_per_solve = std::max(counts_.max_per_solve, last_iterations_);
   PetscFunctionReturn(0);
+}
+
+long long DirectionSolver::take_over(MPI_Comm comm, const std::vector<ContactState>& states, bool everywhere) {
+  const bool all = everywhere || states_of_matrix_.empty();
+  long long changed = 0;
+  for (std::size_t f = 0; f < states.size(); ++f) changed += all || states[f] != states_of_matrix_[f] ? 1 : 0;
+  states_of_matrix_ = states;
+  return mpi::sum(comm, changed);
+}
+
+long long DirectionSolver::parted_since(MPI_Comm comm, const std::vector<ContactState>& earlier) const {
+  long long parted = 0;
+  for (std::size_t f = 0; f < states_of_matrix_.size(); ++f)
+    parted += (states_of_matrix_[f] == ContactState::open) != (earlier[f] == ContactState::open) ? 1 : 0;
+  return mpi::sum(comm, parted);
 }
 
 }  // namespace polyslip::solver

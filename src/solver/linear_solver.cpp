@@ -26,7 +26,6 @@ PetscErrorCode apply_exact(Mat shell, Vec x, Vec y) {
   PetscFunctionReturn(0);
 }
 
-
 }  // namespace
 
 LinearSolver::LinearSolver(MechanicsSystem& system)
@@ -124,10 +123,7 @@ void LinearSolver::set_up_preconditioner(bool again) {
 
 bool LinearSolver::aggregates_are_stale() const {
   if (!has_aggregates_) return false;
-  long long parted = 0;
-  for (std::size_t f = 0; f < states_of_matrix_.size(); ++f)
-    parted += (states_of_matrix_[f] == ContactState::open) != (states_of_aggregates_[f] == ContactState::open) ? 1 : 0;
-  return 2 * mpi::sum(system_.mesh().comm, parted) > system_.fracture_faces();
+  return 2 * parted_since(system_.mesh().comm, states_of_aggregates_) > system_.fracture_faces();
 }
 
 bool LinearSolver::is_set_up_for(std::span<const physics::ContactLinearisation> law) const {
@@ -155,10 +151,7 @@ void LinearSolver::forget_other_steps() {
 void LinearSolver::matrix_changed(const std::vector<ContactState>& states, bool everywhere) {
   if (starts_step_) forget_other_steps();
   set_method();
-  long long changed = 0;
-  for (std::size_t f = 0; f < states.size(); ++f) changed += everywhere || states_of_matrix_.empty() || states[f] != states_of_matrix_[f] ? 1 : 0;
-  changed = mpi::sum(system_.mesh().comm, changed);
-  states_of_matrix_ = states;
+  const long long changed = take_over(system_.mesh().comm, states, everywhere);
   if (!has_preconditioner_ || content_ == MechanicsSystem::MatrixContent::exact) return set_up_preconditioner(true);
   changed_since_setup_ += changed;
   if (changed > 0 && !aggregates_are_stale() && update_hierarchy()) {

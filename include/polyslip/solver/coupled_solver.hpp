@@ -53,7 +53,7 @@ class CoupledSolver final : public DirectionSolver {
   std::string choice_;
   PetscReal loose_rtol_ = 1e-3;  ///< -coupled_loose_rtol: of multigrid and of an old factorisation
   bool factorises_ = false, has_preconditioner_ = false, is_reused_ = false;
-  std::vector<physics::ContactState> states_of_matrix_, states_of_fixed_stress_;  ///< Of the owned faces.
+  std::vector<physics::ContactState> states_of_fixed_stress_;  ///< Of the owned faces.
   long long changed_since_setup_ = 0, flow_of_fixed_stress_ = -1;  ///< The latter is a CoupledSystem::flow_matrix_version.
   int iterations_after_setup_ = -1;
 };

@@ -45,7 +45,13 @@ class DirectionSolver {
  protected:
   /// Books a solve that ksp has done.
   PetscErrorCode count(KSP ksp);
+  /// Takes over the states of the owned faces; returns how many faces, over all ranks, have changed with that: all where there were none
+  /// before, or if the matrix changed `everywhere`.
+  long long take_over(MPI_Comm comm, const std::vector<physics::ContactState>& states, bool everywhere);
+  /// Faces, over all ranks, that have opened or closed since they were in the states `earlier`.
+  [[nodiscard]] long long parted_since(MPI_Comm comm, const std::vector<physics::ContactState>& earlier) const;
 
+  std::vector<physics::ContactState> states_of_matrix_;  ///< Of the owned faces.
   LinearCounts counts_;
   int last_iterations_ = 0;
   bool failed_ = false;

@@ -53,7 +53,7 @@ class LinearSolver final : public DirectionSolver {
   PetscReal loose_rtol_ = 2e-2;  ///< -displacement_loose_rtol
   bool user_ksp_ = false;
   bool factorises_ = false;
-  std::vector<physics::ContactState> states_of_matrix_, states_of_aggregates_;  ///< Of the owned faces.
+  std::vector<physics::ContactState> states_of_aggregates_;  ///< Of the owned faces.
   std::vector<physics::ContactLinearisation> law_of_setup_;  ///< Of the local faces; where is_as_new_.
   bool starts_step_ = false;
   bool is_as_new_ = false;  ///< Whether the preconditioner is what a new solver makes of the matrix of law_of_setup_.
