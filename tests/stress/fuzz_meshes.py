@@ -17,6 +17,7 @@ from pathlib import Path
 
 from hdf5_tables import Tables
 from input_reader import judge
+from line_edits import repeat_line, swap_lines
 
 CRACK = Path(__file__).resolve().parents[2] / "examples/sneddon/crack_0.04.msh"
 SCENE = """name: damaged
@@ -159,15 +160,6 @@ def drop(dice, lines):
     del lines[dice.randrange(len(lines) - 1)]
 
 
-def double(dice, lines):
-    lines.insert(dice.randrange(len(lines)), dice.choice(lines))
-
-
-def swap(dice, lines):
-    i, j = dice.randrange(len(lines)), dice.randrange(len(lines))
-    lines[i], lines[j] = lines[j], lines[i]
-
-
 def copy_over(dice, lines):
     """Two nodes in one place, two elements with the same nodes."""
     i, j = dice.randrange(len(lines)), dice.randrange(len(lines))
@@ -190,7 +182,7 @@ def turn(dice, lines):
     lines[i] = " ".join(head + (tail if dice.random() < 0.7 else tail[::-1]))
 
 
-LINES = [lines_of(edit) for edit in (drop, double, swap, copy_over, token, token, token, turn, turn)]
+LINES = [lines_of(edit) for edit in (drop, repeat_line, swap_lines, copy_over, token, token, token, turn, turn)]
 
 # What is done to the tables of a native file
 

@@ -17,6 +17,7 @@ import tempfile
 from pathlib import Path
 
 from input_reader import judge
+from line_edits import repeat_line, swap_lines
 
 TESTS = Path(__file__).resolve().parent.parent
 EXAMPLES = TESTS.parent / "examples"
@@ -86,15 +87,6 @@ def line_edit(edit):
 def drop_line(dice, lines):
     first = dice.randrange(len(lines))
     del lines[first:first + dice.choice((1, 1, 1, 2, 4))]
-
-
-def repeat_line(dice, lines):
-    lines.insert(dice.randrange(len(lines)), dice.choice(lines))
-
-
-def swap_lines(dice, lines):
-    i, j = dice.randrange(len(lines)), dice.randrange(len(lines))
-    lines[i], lines[j] = lines[j], lines[i]
 
 
 def shift_line(dice, lines):
