@@ -12,6 +12,9 @@ namespace polyslip::scene {
 
 namespace {
 
+/// What is measured of a cell, in the order of `measures`.
+enum Kind : std::size_t { flatness, small_face, warp, incompressibility, undrained_without_bubbles, anisotropy, undrained_tet, contrast, kinds };
+
 /// A measure of cells that ought to stay below a limit.
 struct Measure {
   double limit;
@@ -20,7 +23,7 @@ struct Measure {
 };
 
 /// Limits by scripts/stress: the families that hold beyond them do so on simpler cells only.
-constexpr std::array<Measure, 8> measures{{
+constexpr std::array<Measure, kinds> measures{{
     {1e4, "is as flat or long as an aspect ratio of {:.2g}",
      "Results may lose digits and multigrid may need many iterations; shape the cells more evenly, or choose -displacement_pc_type lu"},
     {1e5, "has a face or edge {:.2g} times smaller than itself",
@@ -40,12 +43,12 @@ constexpr std::array<Measure, 8> measures{{
      "Fluxes inside of it lose as many digits; pressures, and what flows in and out, do not. Raise the smaller permeability if these fluxes count"},
 }};
 
-using Values = std::array<double, measures.size()>;
+using Values = std::array<double, kinds>;
 
 double poisson(const physics::Lame& lame) { return lame.lambda / (2 * (lame.lambda + lame.mu)); }
 
 /// b^2/(2 mu + lambda) over 1/M + dt K_m/(eta h^2).
-double undrained(const Scene& scene, const Model& model, Index cell, double h) {
+double undrained_ratio(const Scene& scene, const Model& model, Index cell, double h) {
   const physics::Lame& lame = model.mechanics()->moduli()[cell];
   const physics::HydraulicProperties& rock = model.flow()->rock()[cell];
   const int dim = model.mesh().mesh.dim;
@@ -54,7 +57,7 @@ double undrained(const Scene& scene, const Model& model, Index cell, double h) {
 }
 
 /// Largest permeability over the smallest one.
-double anisotropy(const Model& model, Index cell) {
+double anisotropy_of(const Model& model, Index cell) {
   const int dim = model.mesh().mesh.dim;
   const Eigen::MatrixXd permeability = model.flow()->rock()[cell].permeability.topLeftCorner(dim, dim);
   const Eigen::VectorXd values = Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd>(permeability, Eigen::EigenvaluesOnly).eigenvalues();
@@ -62,7 +65,7 @@ double anisotropy(const Model& model, Index cell) {
 }
 
 /// Permeability over that of its least permeable neighbour.
-double contrast(const Model& model, Index cell) {
+double contrast_of(const Model& model, Index cell) {
   const mesh::PolyMesh& mesh = model.mesh().mesh;
   const auto permeability = [&](Index c) { return model.flow()->rock()[c].permeability.topLeftCorner(mesh.dim, mesh.dim).trace(); };
   double least = permeability(cell);
@@ -75,22 +78,26 @@ double contrast(const Model& model, Index cell) {
 Values measure(const Scene& scene, const Model& model, spaces::ShapeMeter& meter, Index cell) {
   const mesh::PolyMesh& mesh = model.mesh().mesh;
   const spaces::CellShape shape = meter.measure(cell);
-  Values values{shape.flatness, 1 / shape.smallest_face, shape.warp};
+  Values values{};
+  values[flatness] = shape.flatness;
+  values[small_face] = 1 / shape.smallest_face;
+  values[warp] = shape.warp;
   if (model.flow()) {
-    values[5] = anisotropy(model, cell);
-    values[7] = contrast(model, cell);
+    values[anisotropy] = anisotropy_of(model, cell);
+    values[contrast] = contrast_of(model, cell);
   }
   if (!model.mechanics()) return values;
   const bool stable = scene.mechanics.bubbles == spaces::Bubbles::all, tet = mesh.dim == 3 && mesh.cell_faces.row_size(cell) == 4;
-  if (!stable) values[3] = poisson(model.mechanics()->moduli()[cell]);
-  if (model.flow() && (!stable || tet)) values[stable ? 6 : 4] = undrained(scene, model, cell, meter.diameter());
+  if (!stable) values[incompressibility] = poisson(model.mechanics()->moduli()[cell]);
+  if (model.flow() && (!stable || tet))
+    values[stable ? undrained_tet : undrained_without_bubbles] = undrained_ratio(scene, model, cell, meter.diameter());
   return values;
 }
 
 /// The worst owned cell by each measure.
 struct Worst {
   Values values{};
-  std::array<Index, measures.size()> cells{};
+  std::array<Index, kinds> cells{};
 };
 
 Worst worst_here(const Scene& scene, const Model& model) {
@@ -113,8 +120,7 @@ std::pair<long long, Vec3> place_of(const mesh::DistributedMesh& mesh, bool is_h
   const double none = std::numeric_limits<double>::infinity(), mine = is_here ? mesh.cell_input[cell] : none;
   const double number = mpi::min(mesh.comm, mine);
   Vec3 at = Vec3::Zero();
-  if (mine == number)
-    for (const Index s : mesh.mesh.cell_nodes[cell]) at += mesh.mesh.nodes[s] / mesh.mesh.cell_nodes.row_size(cell);
+  if (mine == number) at = mesh::cell_node_average(mesh.mesh, cell);
   mpi::sum_in_place(mesh.comm, std::span<double>(at.data(), 3));
   return {static_cast<long long>(number), at};
 }
