@@ -29,9 +29,7 @@ std::vector<Vec3> points_of_copies(const mesh::DistributedMesh& mesh) {
   std::vector<Index> copies_at(static_cast<std::size_t>(m.n_nodes()), 0), seen(inward.size(), 0);
   for (Index s : m.copy_node) ++copies_at[s];
   for (Index cell = 0; cell < m.n_cells(); ++cell) {
-    Vec3 centre = Vec3::Zero();
-    for (Index s : m.cell_nodes[cell]) centre += m.nodes[s];
-    centre /= m.cell_nodes.row_size(cell);
+    const Vec3 centre = mesh::cell_node_average(m, cell);
     for (Index copy : m.copies_of(cell)) {
       inward[copy] += centre - m.nodes[m.copy_node[copy]];
       ++seen[copy];

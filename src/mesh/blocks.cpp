@@ -55,8 +55,7 @@ std::vector<std::array<double, 4>> gather_roots(const DistributedMesh& mesh, std
   std::vector<double> table(4 * static_cast<std::size_t>(mpi::sum(mesh.comm, here)), 0.0);
   auto row = static_cast<std::size_t>(4 * mpi::exclusive_sum(mesh.comm, here));
   for (const Index cell : roots) {
-    Vec3 centre = Vec3::Zero();
-    for (const Index s : mesh.mesh.cell_nodes[cell]) centre += mesh.mesh.nodes[s] / mesh.mesh.cell_nodes.row_size(cell);
+    const Vec3 centre = cell_node_average(mesh.mesh, cell);
     table[row] = mesh.cell_input[cell];
     std::copy(centre.begin(), centre.end(), table.begin() + static_cast<std::ptrdiff_t>(row) + 1);
     row += 4;

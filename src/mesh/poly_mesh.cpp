@@ -134,6 +134,12 @@ class CellOrienter {
 
 }  // namespace
 
+Vec3 cell_node_average(const PolyMesh& mesh, Index cell) {
+  Vec3 c = Vec3::Zero();
+  for (Index s : mesh.cell_nodes[cell]) c += mesh.nodes[s];
+  return c / mesh.cell_nodes.row_size(cell);
+}
+
 void orient_faces(PolyMesh& mesh) {
   CellOrienter orienter(mesh);
   enum : char { kUnseen = 2 };

@@ -69,7 +69,7 @@ std::vector<HydraulicProperties> cell_hydraulics(const mesh::PolyMesh& mesh, con
   std::vector<HydraulicProperties> cells(static_cast<std::size_t>(mesh.n_cells()));
   for (Index c = 0; c < mesh.n_cells(); ++c) {
     HydraulicProperties& cell = cells[static_cast<std::size_t>(c)];
-    const EvalPoint at{.x = spaces::cell_node_average(mesh, c)};
+    const EvalPoint at{.x = mesh::cell_node_average(mesh, c)};
     const std::string& region = mesh.region_names[static_cast<std::size_t>(mesh.cell_region[c])];
     const ChosenRules chosen = choose(rules, region, at);
     if (chosen.permeability == nullptr)

@@ -10,12 +10,6 @@ namespace polyslip::physics {
 
 namespace {
 
-Vec3 average_of_nodes(const mesh::PolyMesh& mesh, Index cell) {
-  Vec3 c = Vec3::Zero();
-  for (Index s : mesh.cell_nodes[cell]) c += mesh.nodes[s];
-  return c / mesh.cell_nodes.row_size(cell);
-}
-
 Lame moduli_at(const ElasticRule& rule, const EvalPoint& at) {
   const double a = rule.first(at), b = rule.second(at);
   if (rule.pair == ElasticRule::Pair::lame) return {a, b};
@@ -79,7 +73,7 @@ void stiffness(const spaces::VemCell& cell, const Lame& lame, double gamma, std:
 std::vector<Lame> cell_moduli(const mesh::PolyMesh& mesh, const std::vector<ElasticRule>& rules) {
   std::vector<Lame> moduli(static_cast<std::size_t>(mesh.n_cells()));
   for (Index cell = 0; cell < mesh.n_cells(); ++cell) {
-    const EvalPoint at{.x = average_of_nodes(mesh, cell)};
+    const EvalPoint at{.x = mesh::cell_node_average(mesh, cell)};
     const std::string& region = mesh.region_names[static_cast<std::size_t>(mesh.cell_region[cell])];
     const ElasticRule* chosen = nullptr;
     for (const ElasticRule& rule : rules)

@@ -39,12 +39,6 @@ double warp(std::span<const Vec3> points, const geometry::FaceGeometry& face) {
 
 }  // namespace
 
-Vec3 cell_node_average(const mesh::PolyMesh& mesh, Index cell) {
-  Vec3 c = Vec3::Zero();
-  for (Index s : mesh.cell_nodes[cell]) c += mesh.nodes[s];
-  return c / mesh.cell_nodes.row_size(cell);
-}
-
 geometry::FaceGeometry face_geometry(const mesh::PolyMesh& mesh, Index face) {
   std::vector<Vec3> points;
   face_points(mesh, face, points);

@@ -118,7 +118,7 @@ class FlowScene {
         const Index trace = mesh.flow.face_traces[face][side], cell = mesh.mesh.face_cells[face][side];
         if (trace < 0 || cell < 0 || trace >= mesh.flow.traces.owned || !mesh.mesh.on_fracture(face)) continue;
         Vec3& x = points[system->layout().trace(trace)];
-        x += 1e-9 * (spaces::cell_node_average(mesh.mesh, cell) - x);
+        x += 1e-9 * (mesh::cell_node_average(mesh.mesh, cell) - x);
       }
     return points;
   }

@@ -55,6 +55,9 @@ struct PolyMesh {
   }
 };
 
+/// Average of the nodes of a cell [m].
+Vec3 cell_node_average(const PolyMesh& mesh, Index cell);
+
 /// Makes face_nodes point out of face_cells[f][0], whatever order a reader left; needs topology and coordinates only.
 /// Throws InputError naming the cell where faces do not close or the volume is not positive.
 void orient_faces(PolyMesh& mesh);

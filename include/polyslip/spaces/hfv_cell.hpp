@@ -65,8 +65,6 @@ class HfvCell {
   std::vector<double> w_;
 };
 
-/// Average of the nodes of a cell [m].
-Vec3 cell_node_average(const mesh::PolyMesh& mesh, Index cell);
 /// Area, normal and centre of a face of the mesh. Allocates: for places that see each face once.
 geometry::FaceGeometry face_geometry(const mesh::PolyMesh& mesh, Index face);
 

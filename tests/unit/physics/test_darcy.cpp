@@ -162,7 +162,7 @@ TEST(cell_hydraulics, are_won_by_later_rules_property_by_property) {
   const mesh::PolyMesh mesh = plain_box(2);
   const auto cells = cell_hydraulics(mesh, {first, half});
   for (Index c = 0; c < mesh.n_cells(); ++c) {
-    EXPECT_EQ(cells[c].biot, spaces::cell_node_average(mesh, c).x() > 0.5 ? 0.75 : 1);
+    EXPECT_EQ(cells[c].biot, mesh::cell_node_average(mesh, c).x() > 0.5 ? 0.75 : 1);
     EXPECT_EQ(cells[c].inverse_modulus, 0.25);
     EXPECT_EQ(cells[c].permeability(0, 0), 1);
   }
