@@ -7,6 +7,7 @@
 
 #include "polyslip/la/options.hpp"
 #include "polyslip/solver/displacement_multigrid.hpp"
+#include "polyslip/solver/pressure_multigrid.hpp"
 
 namespace polyslip::solver {
 
@@ -109,6 +110,7 @@ void CoupledSolver::split_fields(PC pc) {
   default_displacement_multigrid(system_, u);
   la::default_option(p, "ksp_type", "preonly");
   la::default_option(p, "pc_type", "hypre");
+  default_pressure_multigrid(p, system_.layout().dim());
 
   // b^2 |K|/K_dr on owned cells
   compressibility_ = system_.flow().layout().create_vector();

@@ -6,6 +6,7 @@
 
 #include "polyslip/common/error.hpp"
 #include "polyslip/la/options.hpp"
+#include "polyslip/solver/pressure_multigrid.hpp"
 
 namespace polyslip::solver {
 
@@ -19,14 +20,6 @@ constexpr GlobalIndex direct_limit_2d = 200'000, direct_limit_3d = 50'000;
 constexpr int max_passes = 4;
 constexpr double balanced = 1e-11;   ///< Fluid that no row accounts for, in units of the turnover: no further pass is needed.
 constexpr double unbalanced = 1e-6;  ///< And what is too much after the last pass.
-
-/// Measured on hexahedra, tetrahedra and polyhedra of up to 200 000 unknowns: 6 to 10 iterations a pass.
-void tune_hypre(int dim) {
-  la::default_option(prefix, "pc_hypre_boomeramg_strong_threshold", dim == 2 ? "0.25" : "0.5");
-  la::default_option(prefix, "pc_hypre_boomeramg_coarsen_type", "HMIS");
-  la::default_option(prefix, "pc_hypre_boomeramg_interp_type", "ext+i");
-  la::default_option(prefix, "pc_hypre_boomeramg_P_max", "4");
-}
 
 /// Sum of the sizes of all entries.
 double sum_of_sizes(Vec v) {
@@ -62,7 +55,7 @@ void FlowSolver::choose() {
   POLYSLIP_PETSC(KSPSetTolerances(ksp_, 1e-8, 0.0, PETSC_DEFAULT, 500));
   if (la::user_sets(prefix, "-pc_type")) {
     choice_ = "pressure solver: as the options say";
-    if (la::user_chooses(prefix, "-pc_type", PCHYPRE)) tune_hypre(dim);
+    if (la::user_chooses(prefix, "-pc_type", PCHYPRE)) default_pressure_multigrid(prefix, dim);
   } else if (unknowns <= limit) {
     POLYSLIP_PETSC(KSPSetType(ksp_, KSPPREONLY));
     POLYSLIP_PETSC(KSPSetNormType(ksp_, KSP_NORM_NONE));
@@ -73,7 +66,7 @@ void FlowSolver::choose() {
         unknowns, dim, limit);
   } else {
     POLYSLIP_PETSC(PCSetType(pc, PCHYPRE));
-    tune_hypre(dim);
+    default_pressure_multigrid(prefix, dim);
     choice_ = fmt::format(
         "pressure solver: conjugate gradients with algebraic multigrid (BoomerAMG), as {} unknowns in {}D exceed {}; "
         "-pressure_pc_type cholesky for a factorisation",

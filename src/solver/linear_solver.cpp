@@ -56,8 +56,6 @@ void LinearSolver::choose() {
   } else {
     POLYSLIP_PETSC(PCSetType(pc, displacement_multigrid(system_)));
     default_displacement_multigrid(system_, prefix);
-    // Galerkin products by two sparse products take two thirds of the time; on several ranks PETSc knows no such choice.
-    if (mpi::size(system_.mesh().comm) == 1) la::default_option("", "matptap_via", "rap");
     choice_ = fmt::format("linear solver: algebraic multigrid (GAMG) with rigid-body modes, as {} unknowns in {}D exceed {}; "
                           "-displacement_pc_type cholesky for a factorisation", unknowns, dim, limit);
   }
