@@ -24,9 +24,8 @@ std::uint64_t ActiveSetTrace::hash() const {
 }
 
 void ActiveSetTrace::start(Vec x) {
-  states = system->states(x);
+  adjust(x);
   flips.assign(states.size(), 0);
-  counts = system->count(states);
   merits.clear();
   visits_.clear();
   revisits_ = 0;
@@ -60,6 +59,11 @@ void ActiveSetTrace::advance(Vec x, double merit, int revisits_of_a_cycle) {
     }
   }
   visits_.push_back({now, merit});
+}
+
+void ActiveSetTrace::adjust(Vec x) {
+  states = system->states(x);
+  counts = system->count(states);
 }
 
 std::string ActiveSetTrace::flickering() const {

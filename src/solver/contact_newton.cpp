@@ -155,7 +155,8 @@ PetscErrorCode ContactNewton::apply_condensation(PC pc, Vec f, Vec direction) {
 /// elsewhere it is linear once the active set is right, and the step is the last one.
 double ContactNewton::worth_solving() const {
   const bool bends = system_.layout().dim() == 3 && !system_.is_symmetric() && norms_.contact_scale > 0;
-  return bends ? 1e-2 * norms_.contact / norms_.contact_scale : 0;
+  const double imbalance = norms_.momentum_scale > 0 ? norms_.momentum / norms_.momentum_scale : 0;
+  return bends ? 1e-2 * std::max(norms_.contact / norms_.contact_scale, imbalance) : 0;
 }
 
 bool ContactNewton::moves_active_set(Vec direction) const {
@@ -186,6 +187,11 @@ PetscErrorCode ContactNewton::test_convergence(SNES snes, PetscInt iteration, Pe
     PetscCall(SNESComputeFunction(snes, x, f));
     PetscCallCXX(self->norms_ = self->system_.norms(x, f));
   }
+  if (!is_solved(n, atol, rtol) && self->linear_ && max_it > 1) {
+    bool changed = false;
+    PetscCallCXX(changed = self->eliminate(static_cast<int>(iteration), x, f));
+    if (changed) PetscCallCXX(self->norms_ = self->system_.norms(x, f));
+  }
   // Contact rows that are nearer to zero than the momentum rows by far tell nothing: a loose solve may leave them so, and the step that
   // balances momentum may well raise them.
   const double imbalance = n.momentum_scale > 0 ? 10 * n.momentum / n.momentum_scale : 0;
@@ -206,6 +212,17 @@ PetscErrorCode ContactNewton::test_convergence(SNES snes, PetscInt iteration, Pe
     *reason = SNES_DIVERGED_MAX_IT;
   }
   PetscFunctionReturn(0);
+}
+
+/// Solves what a few faces leave of the contact law before the whole system is solved again. Not before the first step, which balances
+/// momentum.
+bool ContactNewton::eliminate(int iteration, Vec x, Vec f) {
+  if (iteration == 0 || system_.fracture_faces() == 0 || linear_->failed()) return false;
+  if (!elimination_) elimination_.emplace(system_);
+  const la::LogStage stage("eliminate", seconds_.solve);
+  if (!elimination_->improve(x, f)) return false;
+  trace_.adjust(x);
+  return true;
 }
 
 /// Many faces open or close in the first step, or change at all in the second: springs get there sooner than one layer of faces a step.

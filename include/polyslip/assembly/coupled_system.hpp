@@ -26,6 +26,7 @@ class CoupledSystem final : public MechanicsSystem {
 
   [[nodiscard]] FlowSystem& flow() const { return flow_; }
   [[nodiscard]] la::Handle<Vec> create_vector() const override;
+  [[nodiscard]] la::Handle<Vec> create_condensed_vector() const override;
   [[nodiscard]] Index size() const override { return layout().size() + flow_.layout().size(); }
   [[nodiscard]] bool is_linear_off_contact() const override { return is_linear_off_contact_; }
 
@@ -57,7 +58,6 @@ class CoupledSystem final : public MechanicsSystem {
 
   // --- linearisation ---
   void linearise(Vec z, MatrixContent content) override;
-  [[nodiscard]] la::Handle<Vec> create_condensed_vector() const;
   [[nodiscard]] double pressure_scale() const { return scale_; }  ///< s [Pa/m]
   /// [[P, A_up], [A_pu, S']] as a MATNEST.
   [[nodiscard]] Mat condensed_matrix() const { return nest_; }

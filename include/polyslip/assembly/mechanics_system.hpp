@@ -54,7 +54,8 @@ class MechanicsSystem {
 
   // What a coupled system adds to: its vectors end with the pressures.
   [[nodiscard]] virtual la::Handle<Vec> create_vector() const { return layout_.create_vector(); }
-  [[nodiscard]] virtual Index size() const { return layout_.size(); }  ///< Owned entries of such a vector.
+  [[nodiscard]] virtual la::Handle<Vec> create_condensed_vector() const { return layout_.create_displacement_vector(); }
+  [[nodiscard]] virtual Index size() const { return layout_.size(); }  ///< Owned entries of a whole vector.
   /// Whether all rows but those of contact are linear (then a line search need not evaluate them again).
   [[nodiscard]] virtual bool is_linear_off_contact() const { return true; }
 

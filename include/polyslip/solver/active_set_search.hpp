@@ -38,8 +38,10 @@ struct ActiveSetTrace {
 
   /// Forgets the past before a new solve from x.
   void start(Vec x);
-  /// Takes over the states at the new iterate; `merit` is phi there. Returns the hash of the active set.
+  /// Takes over the states at the new iterate; `merit` is phi there.
   void advance(Vec x, double merit, int revisits_of_a_cycle);
+  /// Takes over the states at x, which something else than a step has changed.
+  void adjust(Vec x);
   /// phi values of the last iterations, newest last.
   std::vector<double> merits;
 

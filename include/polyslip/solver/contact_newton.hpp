@@ -7,12 +7,14 @@
 
 #include <functional>
 #include <memory>
+#include <optional>
 #include <string>
 
 #include "polyslip/assembly/floating_blocks.hpp"
 #include "polyslip/assembly/mechanics_system.hpp"
 #include "polyslip/solver/active_set_search.hpp"
 #include "polyslip/solver/linear_solver.hpp"
+#include "polyslip/solver/nonlinear_elimination.hpp"
 
 namespace polyslip::solver {
 
@@ -74,6 +76,7 @@ class ContactNewton {
   void approach_by_springs(Vec x, NewtonResult& result);
   bool try_lagged_friction(Vec x, NewtonResult& result);
   bool is_unsettled(int iteration);
+  bool eliminate(int iteration, Vec x, Vec f);
   [[nodiscard]] double worth_solving() const;
   [[nodiscard]] bool moves_active_set(Vec direction) const;  ///< The whole step does, from where Newton stands.
   [[nodiscard]] std::string why(SNESConvergedReason reason) const;
@@ -88,6 +91,7 @@ class ContactNewton {
   assembly::FloatingBlocks blocks_;
   ActiveSetTrace trace_;
   std::unique_ptr<DirectionSolver> linear_;  ///< Condensed formulation only.
+  std::optional<NonlinearElimination> elimination_;
   la::Handle<SNES> snes_;
   la::Handle<Mat> jacobian_;  ///< Shell (condensed) or assembled (saddle).
   la::Handle<Vec> residual_, start_, lagged_;

@@ -1,0 +1,53 @@
+// Nonlinear elimination near unsettled fracture faces (Cai & Li 2011, SIAM J. Sci. Comput. 33, 746-762; scheme.md section 6), between two
+// Newton iterations.
+//
+// Towards the end a few faces change state, or turn their slip, one after the other, and each costs Newton an iteration of the whole system.
+// With S the faces whose contact rows are unsettled and W the displacements of the + cells of S and of their neighbours in the matrix:
+//   Newton on (u_W, all bubbles, all multipliers), all other displacements (and pressures) held,
+// until the contact rows have fallen to a hundredth, or W is large. S grows on the way. A step costs what a few unknowns cost; the momentum rows around W
+// take up what it leaves, and the next Newton iteration spreads it.
+//
+// Each rank has windows of the displacements it owns.
+#pragma once
+
+#include <vector>
+
+#include "polyslip/assembly/mechanics_system.hpp"
+
+namespace polyslip::solver {
+
+class NonlinearElimination {
+ public:
+  explicit NonlinearElimination(assembly::MechanicsSystem& system);
+  ~NonlinearElimination() { forget_window(); }
+  NonlinearElimination(const NonlinearElimination&) = delete;
+  NonlinearElimination& operator=(const NonlinearElimination&) = delete;
+
+  /// Improves x and brings f = F(x) up to date; leaves both where that does not help. Returns
+  /// whether x is another. Collective.
+  bool improve(Vec x, Vec f);
+
+ private:
+  void measure(Vec f);
+  void choose_faces();
+  bool choose_rows();
+  void forget_window();
+  void set_up_window();
+  bool step(Vec x, Vec f);
+
+  assembly::MechanicsSystem& system_;
+  la::Handle<Vec> start_x_, start_f_, direction_, condensed_rows_, condensed_direction_;
+  std::vector<double> sizes_;   ///< Of the contact rows of each owned face [N].
+  double total_ = 0;            ///< Their 2-norm over all ranks.
+  std::vector<char> is_unsettled_;  ///< By owned face: S.
+  std::vector<PetscInt> rows_;  ///< W: owned rows of the matrix, global numbers, ascending.
+  IS window_ = nullptr;
+  Mat* matrix_ = nullptr;       ///< One matrix: rows and columns of W.
+  la::Handle<KSP> ksp_;
+  la::Handle<Vec> rhs_, solution_;
+  PetscReal most_ = 0.2;        ///< -elimination_share: of all displacements that W may have (0: no elimination)
+  PetscInt rings_ = 1;           ///< -elimination_rings: of neighbours in the matrix
+  PetscInt most_steps_ = 6;      ///< -elimination_max_it
+};
+
+}  // namespace polyslip::solver

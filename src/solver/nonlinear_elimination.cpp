@@ -1,0 +1,154 @@
+#include "polyslip/solver/nonlinear_elimination.hpp"
+
+#include <algorithm>
+#include <cmath>
+
+#include "polyslip/common/mpi.hpp"
+
+namespace polyslip::solver {
+
+namespace {
+
+constexpr const char* prefix = "elimination_";
+constexpr double unsettled = 0.05;  ///< Contact rows of a face, relative to the largest.
+constexpr double enough = 0.01;     ///< Of all contact rows, relative to the start.
+
+}  // namespace
+
+NonlinearElimination::NonlinearElimination(assembly::MechanicsSystem& system)
+    : system_(system),
+      start_x_(system.create_vector()),
+      start_f_(system.create_vector()),
+      direction_(system.create_vector()),
+      condensed_rows_(system.create_condensed_vector()),
+      condensed_direction_(system.create_condensed_vector()) {
+  POLYSLIP_PETSC(PetscOptionsGetReal(nullptr, prefix, "-share", &most_, nullptr));
+  POLYSLIP_PETSC(PetscOptionsGetInt(nullptr, prefix, "-rings", &rings_, nullptr));
+  POLYSLIP_PETSC(PetscOptionsGetInt(nullptr, prefix, "-max_it", &most_steps_, nullptr));
+}
+
+void NonlinearElimination::measure(Vec f) {
+  const assembly::VecRead rows(f);
+  const int dim = system_.layout().dim();
+  sizes_.resize(static_cast<std::size_t>(system_.mesh().fractures.owned));
+  double squares = 0;
+  for (std::size_t face = 0; face < sizes_.size(); ++face) {
+    double square = 0;
+    for (int a = 0; a < dim; ++a) square += std::pow(rows[system_.layout().multiplier_start() + dim * static_cast<Index>(face) + a], 2);
+    sizes_[face] = std::sqrt(square);
+    squares += square;
+  }
+  total_ = std::sqrt(mpi::sum(system_.mesh().comm, squares));
+}
+
+/// Adds faces to S.
+void NonlinearElimination::choose_faces() {
+  const double largest = mpi::max(system_.mesh().comm, sizes_.empty() ? 0.0 : *std::max_element(sizes_.begin(), sizes_.end()));
+  for (std::size_t face = 0; face < sizes_.size(); ++face)
+    if (sizes_[face] > unsettled * largest) is_unsettled_[face] = 1;
+}
+
+/// W of S; false, on all ranks, where it is empty or too large.
+bool NonlinearElimination::choose_rows() {
+  const assembly::ContactCells& cells = system_.contact_cells();
+  const auto first = static_cast<PetscInt>(system_.layout().first());
+  std::vector<char> is_in(static_cast<std::size_t>(system_.layout().displacement_size()), 0);
+  std::vector<PetscInt> rows;
+  const auto take = [&](PetscInt row) {
+    const PetscInt i = row - first;
+    if (i < 0 || i >= static_cast<PetscInt>(is_in.size()) || is_in[static_cast<std::size_t>(i)]) return;
+    is_in[static_cast<std::size_t>(i)] = 1;
+    rows.push_back(row);
+  };
+  for (std::size_t face = 0; face < is_unsettled_.size(); ++face)
+    if (is_unsettled_[face] && cells.faces()[face].cell >= 0)
+      for (Index i : cells.displacements(cells.faces()[face].cell)) take(first + i);
+  for (PetscInt ring = 0, done = 0; ring < rings_; ++ring)
+    for (const auto end = static_cast<PetscInt>(rows.size()); done < end; ++done) {
+      const PetscInt row = rows[static_cast<std::size_t>(done)];
+      PetscInt n = 0;
+      const PetscInt* columns = nullptr;
+      POLYSLIP_PETSC(MatGetRow(system_.matrix(), row, &n, &columns, nullptr));
+      std::for_each_n(columns, n, take);
+      POLYSLIP_PETSC(MatRestoreRow(system_.matrix(), row, &n, &columns, nullptr));
+    }
+  std::sort(rows.begin(), rows.end());
+  if (rows != rows_) forget_window();
+  rows_ = std::move(rows);
+  PetscInt all = 0;
+  POLYSLIP_PETSC(MatGetSize(system_.matrix(), &all, nullptr));
+  const long long size = mpi::sum(system_.mesh().comm, static_cast<long long>(rows_.size()));
+  return size > 0 && static_cast<double>(size) <= most_ * static_cast<double>(all);
+}
+
+void NonlinearElimination::forget_window() {
+  if (matrix_ != nullptr) (void)MatDestroySubMatrices(1, &matrix_);
+  (void)ISDestroy(&window_);
+  matrix_ = nullptr;
+  ksp_.reset();
+}
+
+/// Collective, as a rank without a window must take part in picking those of others.
+void NonlinearElimination::set_up_window() {
+  const bool again = matrix_ != nullptr;
+  if (!again)
+    POLYSLIP_PETSC(ISCreateGeneral(PETSC_COMM_SELF, static_cast<PetscInt>(rows_.size()), rows_.data(), PETSC_COPY_VALUES, &window_));
+  POLYSLIP_PETSC(MatCreateSubMatrices(system_.matrix(), 1, &window_, &window_, again ? MAT_REUSE_MATRIX : MAT_INITIAL_MATRIX, &matrix_));
+  if (rows_.empty() || again) return;
+  PC pc = nullptr;
+  POLYSLIP_PETSC(KSPCreate(PETSC_COMM_SELF, ksp_.put()));
+  POLYSLIP_PETSC(KSPSetOptionsPrefix(ksp_, prefix));
+  POLYSLIP_PETSC(KSPSetOperators(ksp_, *matrix_, *matrix_));
+  POLYSLIP_PETSC(KSPSetType(ksp_, KSPPREONLY));
+  POLYSLIP_PETSC(KSPGetPC(ksp_, &pc));
+  POLYSLIP_PETSC(PCSetType(pc, PCLU));
+  POLYSLIP_PETSC(PCFactorSetMatSolverType(pc, MATSOLVERMUMPS));
+  POLYSLIP_PETSC(KSPSetFromOptions(ksp_));
+  POLYSLIP_PETSC(MatCreateVecs(*matrix_, solution_.put(), rhs_.put()));
+}
+
+/// One Newton step of the window; false, on all ranks, where the window is too large or its factorisation fails.
+bool NonlinearElimination::step(Vec x, Vec f) {
+  choose_faces();
+  if (!choose_rows()) return false;
+  system_.linearise(x, assembly::MechanicsSystem::MatrixContent::exact);
+  system_.condense_residual(f, condensed_rows_);
+  set_up_window();
+  POLYSLIP_PETSC(VecZeroEntries(condensed_direction_));
+  KSPConvergedReason reason = KSP_CONVERGED_ITS;
+  if (!rows_.empty()) {
+    const auto first = static_cast<PetscInt>(system_.layout().first());
+    {
+      const assembly::VecRead from(condensed_rows_);
+      const assembly::VecWrite to(rhs_);
+      for (std::size_t i = 0; i < rows_.size(); ++i) to[static_cast<Index>(i)] = from[static_cast<Index>(rows_[i] - first)];
+    }
+    POLYSLIP_PETSC(KSPSolve(ksp_, rhs_, solution_));
+    POLYSLIP_PETSC(KSPGetConvergedReason(ksp_, &reason));
+    const assembly::VecRead from(solution_);
+    const assembly::VecWrite to(condensed_direction_);
+    for (std::size_t i = 0; i < rows_.size(); ++i) to[static_cast<Index>(rows_[i] - first)] = from[static_cast<Index>(i)];
+  }
+  if (mpi::any(system_.mesh().comm, reason < 0)) return false;
+  system_.recover(f, condensed_direction_, direction_);
+  POLYSLIP_PETSC(VecAXPY(x, -1.0, direction_));
+  system_.residual(x, f);
+  measure(f);
+  return true;
+}
+
+bool NonlinearElimination::improve(Vec x, Vec f) {
+  measure(f);
+  const double start = total_;
+  is_unsettled_.assign(sizes_.size(), 0);
+  POLYSLIP_PETSC(VecCopy(x, start_x_));
+  POLYSLIP_PETSC(VecCopy(f, start_f_));
+  for (PetscInt k = 0; k < most_steps_ && total_ > enough * start && step(x, f);) ++k;
+  forget_window();
+  if (total_ < start) return true;
+  POLYSLIP_PETSC(VecCopy(start_x_, x));
+  POLYSLIP_PETSC(VecCopy(start_f_, f));
+  return false;
+}
+
+}  // namespace polyslip::solver
