@@ -83,6 +83,7 @@ TEST_F(active_set_search, takes_the_first_step_in_full) {
 
 TEST_F(active_set_search, shortens_steps_only_as_often_as_it_may) {
   // Friction that jams: one step must be halved here.
+  const ScopedOption alone("-elimination_share", "0");
   ContactScene jammed([] { return fractured_box({2, "triangles"}, 12, 0, 1); }, mixed_contact(2, 2));
   EXPECT_EQ(shortest(iterate(jammed)), 0.5);
   POLYSLIP_PETSC(VecZeroEntries(jammed.x));
