@@ -6,6 +6,7 @@
 #include <cmath>
 #include <limits>
 
+#include "polyslip/assembly/cell_batches.hpp"
 #include "polyslip/common/error.hpp"
 #include "polyslip/common/mpi.hpp"
 
@@ -115,32 +116,38 @@ void add_block(la::BlockMatrix& matrix, const Layout& layout, std::span<const In
   }
 }
 
-/// Displacements and stiffness of one cell after another, without allocation.
-class LocalStiffness {
- public:
-  LocalStiffness(const MechanicsSystem& system) : system_(system), vem_(system.mesh().mesh, system.layout().bubbles()) {}
-
-  /// The cell's displacements (no bubbles of fracture faces: a bulk cell).
-  std::span<const Index> displacements(Index cell) {
-    displacements_.clear();
-    system_.layout().append_displacements(system_.mesh().mesh, cell, displacements_);
-    return displacements_;
-  }
-  std::span<const double> matrix(Index cell) {
-    vem_.build(cell);
-    const auto n = static_cast<std::size_t>(vem_.components());
-    matrix_.resize(n * n);
-    const physics::Lame& lame = system_.moduli()[cell];
-    physics::local_stiffness(system_.layout().dim(), vem_, lame, physics::stabilisation_factor(lame, system_.problem().stabilisation), matrix_);
-    return matrix_;
-  }
-
- private:
-  const MechanicsSystem& system_;
-  spaces::VemCell vem_;
-  std::vector<Index> displacements_;
-  std::vector<double> matrix_;
+/// A cell of a batch.
+struct StiffnessSlot {
+  spaces::VemCell vem;
+  Index cell = -1;
+  std::vector<Index> displacements;
+  std::vector<double> matrix;
 };
+
+/// Hands displacements and stiffness of each of the cells (no + cells: their bubbles are not among the displacements) to
+/// `insert(displacements, matrix)`, which returns its floating-point operations.
+template <class Insert>
+void visit_stiffness(const MechanicsSystem& system, std::span<const Index> cells, la::KernelLog& log, Insert&& insert) {
+  const mesh::PolyMesh& mesh = system.mesh().mesh;
+  const Layout& layout = system.layout();
+  std::vector<StiffnessSlot> slots(cells_per_batch, StiffnessSlot{spaces::VemCell(mesh, layout.bubbles()), -1, {}, {}});
+  const auto geometry = [](StiffnessSlot& slot) {
+    slot.vem.build(slot.cell);
+    return slot.vem.flops();
+  };
+  const auto matrix = [&](StiffnessSlot& slot) {
+    const auto n = static_cast<std::size_t>(slot.vem.components());
+    slot.matrix.resize(n * n);
+    const physics::Lame& lame = system.moduli()[slot.cell];
+    physics::local_stiffness(layout.dim(), slot.vem, lame, physics::stabilisation_factor(lame, system.problem().stabilisation), slot.matrix);
+    return physics::stiffness_flops(layout.dim(), slot.vem);
+  };
+  in_batches(cells, slots, log, geometry, matrix, [&](StiffnessSlot& slot) {
+    slot.displacements.clear();
+    layout.append_displacements(mesh, slot.cell, slot.displacements);
+    return insert(std::span<const Index>(slot.displacements), std::span<const double>(slot.matrix));
+  });
+}
 
 /// Rigid-body modes of the owned copies, for algebraic multigrid.
 la::Handle<MatNullSpace> rigid_body_modes(const mesh::DistributedMesh& mesh, const Layout& layout) {
@@ -186,16 +193,30 @@ void MechanicsSystem::keep_bulk_diagonal() {
   for (Index i = 0; i < layout_.displacement_size(); ++i) bulk_diagonal_[i] = fixed()[i] ? 0 : diagonal[i];
 }
 
-void MechanicsSystem::assemble_bulk() {
-  matrix_ = std::make_unique<la::BlockMatrix>(layout_.matrix_layout(), matrix_graph(mesh_, layout_, cells_));
-  LocalStiffness local(*this);
-  matrix_->begin_writing();
+template <class Wanted>
+std::vector<Index> MechanicsSystem::bulk_cells(Wanted&& wanted) const {
+  std::vector<Index> chosen, displacements;
   for (Index cell = 0; cell < mesh_.mesh.n_cells(); ++cell) {
     if (cells_.contains(cell)) continue;
-    const auto displacements = local.displacements(cell);
-    if (is_ours(displacements))
-      add_block(*matrix_, layout_, displacements, fixed(), local.matrix(cell), static_cast<int>(displacements.size()));
+    displacements.clear();
+    layout_.append_displacements(mesh_.mesh, cell, displacements);
+    if (wanted(std::span<const Index>(displacements))) chosen.push_back(cell);
   }
+  return chosen;
+}
+
+void MechanicsSystem::assemble_bulk() {
+  matrix_ = std::make_unique<la::BlockMatrix>(layout_.matrix_layout(), matrix_graph(mesh_, layout_, cells_));
+  matrix_->begin_writing();
+  const std::vector<Index> cells = bulk_cells([&](std::span<const Index> displacements) { return is_ours(displacements); });
+  visit_stiffness(*this, cells, kernels_, [&](std::span<const Index> displacements, std::span<const double> matrix) {
+    const auto n = static_cast<int>(displacements.size());
+    add_block(*matrix_, layout_, displacements, fixed(), matrix, n);
+    return static_cast<double>(matrix.size());
+  });
+  kernels_.add_bytes(la::Kernel::geometry, bytes_of_geometry(mesh_.mesh));
+  kernels_.add_bytes(la::Kernel::local_matrices, static_cast<double>(moduli_.size() * sizeof(physics::Lame)));
+  kernels_.add_bytes(la::Kernel::insertion, bytes_of_insertion(matrix_->get(), layout_.dim() * layout_.dim()));
   for (Index p = 0; p < cells_.size(); ++p)
     for (Index i : cells_.displacements(p))
       if (i < layout_.displacement_size()) contact_rows_.push_back(layout_.entity_of(i));
@@ -255,19 +276,19 @@ void MechanicsSystem::set_loads(Loads loads) {
 
 void MechanicsSystem::compute_lift() {
   lift_.assign(static_cast<std::size_t>(layout_.displacement_size()), 0.0);
-  LocalStiffness local(*this);
-  for (Index cell = 0; cell < mesh_.mesh.n_cells(); ++cell) {
-    if (cells_.contains(cell)) continue;
-    const auto displacements = local.displacements(cell);
-    const bool prescribed = std::any_of(displacements.begin(), displacements.end(), [&](Index i) { return loads_.dirichlet[i] != 0; });
-    if (!prescribed || !is_ours(displacements)) continue;
-    const auto matrix = local.matrix(cell);
+  const std::vector<Index> cells = bulk_cells([&](std::span<const Index> displacements) {
+    return is_ours(displacements) &&
+           std::any_of(displacements.begin(), displacements.end(), [&](Index i) { return loads_.dirichlet[i] != 0; });
+  });
+  la::KernelLog log("lift");
+  visit_stiffness(*this, cells, log, [&](std::span<const Index> displacements, std::span<const double> matrix) {
     const std::size_t n = displacements.size();
     for (std::size_t i = 0; i < n; ++i) {
       if (displacements[i] >= layout_.displacement_size() || fixed()[displacements[i]]) continue;
       for (std::size_t j = 0; j < n; ++j) lift_[displacements[i]] += matrix[i * n + j] * loads_.dirichlet[displacements[j]];
     }
-  }
+    return 2.0 * static_cast<double>(n * n);
+  });
 }
 
 void MechanicsSystem::impose_dirichlet(Vec x) const {

@@ -109,4 +109,12 @@ void local_stiffness(int dim, const spaces::VemCell& cell, const Lame& lame, dou
     stiffness<3>(cell, lame, gamma, matrix);
 }
 
+double stiffness_flops(int dim, const spaces::VemCell& cell) {
+  const double d = dim, n = cell.n_nodes(), m = cell.size(), dot = 2 * d - 1;
+  return n * 2 * d * d                       // inertia
+         + m * d * dot                       // inertia c_j
+         + m * m * (dot + 6 * d * d + dot + 2 + d)  // p; lambda c_j (x) c_k + mu c_k (x) c_j times |K|; c_j.c_k and the diagonal
+         + 2 * m * n * (dot + 1) + n * n + m;       // p: y_j.c_k and y_k.c_j, 1/n, 1
+}
+
 }  // namespace polyslip::physics
