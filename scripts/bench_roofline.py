@@ -15,7 +15,7 @@ KERNELS = ("geometry", "local_matrices", "insertion")
 PEAK, BANDWIDTH = "machine.flops", "machine.bandwidth"  # columns of runs.csv
 
 
-def fastest(work, repeats=7):
+def fastest(work, repeats=5):
     """Seconds of the quickest of some calls, after one that does not count."""
     seconds = []
     for _ in range(repeats + 1):
@@ -25,7 +25,7 @@ def fastest(work, repeats=7):
     return min(seconds[1:])
 
 
-def peak(size=1200):
+def peak(size=1000):
     """Operations a second of a product of matrices."""
     a = np.random.default_rng(1).random((size, size))
     product = np.empty_like(a)

@@ -136,12 +136,13 @@ Csr FlowOperator::graph() const {
 }
 
 void FlowOperator::add(const Element& element, std::span<const double> block, std::size_t width, double scale) {
+  std::array<double, 9> value{};  // for all the compiler knows blocks may be of 3 x 3
   for (std::size_t i = 0; i < element.unknowns.size(); ++i) {
     if (element.unknowns[i] >= layout_.size()) continue;
     const double* row = &block[static_cast<std::size_t>(element.rows[i]) * width];
     for (std::size_t j = 0; j < element.unknowns.size(); ++j) {
-      const double value = scale * row[element.rows[j]];
-      matrix_->add(element.unknowns[i], element.unknowns[j], &value, 1);
+      value[0] = scale * row[element.rows[j]];
+      matrix_->add(element.unknowns[i], element.unknowns[j], value.data(), 1);
     }
   }
 }
@@ -162,7 +163,7 @@ void FlowOperator::assemble_rock(std::span<const physics::HydraulicProperties> r
     cell_element(cell, element);
     if (any_owned(element.unknowns)) cells.push_back(cell);
   }
-  std::vector<RockSlot> slots(cells_per_batch, RockSlot{spaces::HfvCell(mesh_.mesh), -1, {}, {}, {}});
+  std::vector<RockSlot> slots(cells_per_batch(0), RockSlot{spaces::HfvCell(mesh_.mesh), -1, {}, {}, {}});
   const auto geometry = [](RockSlot& slot) {
     slot.hfv.build(slot.cell);
     return slot.hfv.flops();

@@ -87,34 +87,64 @@ Csr matrix_graph(const mesh::DistributedMesh& mesh, const Layout& layout, const 
   return graph;
 }
 
-/// Adds a dense block over `displacements`, the leading part of rows of `width` entries, to the matrix; prescribed ones keep their
-/// diagonal entry only.
-void add_block(la::BlockMatrix& matrix, const Layout& layout, std::span<const Index> displacements, std::span<const char> fixed,
-               std::span<const double> block, int width) {
-  const int n = static_cast<int>(displacements.size());
-  const bool any_fixed = std::any_of(displacements.begin(), displacements.end(), [&](Index i) { return fixed[i] != 0; });
-  std::array<double, 9> masked;
-  for (int i = 0, rows = 0; i < n; i += rows) {
-    const Index row = layout.entity_of(displacements[i]);
-    rows = matrix.width(row);
-    if (row >= matrix.owned()) continue;
-    for (int j = 0, columns = 0; j < n; j += columns) {
-      const Index col = layout.entity_of(displacements[j]);
-      columns = matrix.width(col);
-      const double* entry = &block[static_cast<std::size_t>(i) * width + j];
-      if (!any_fixed) {
-        matrix.add(row, col, entry, width);
-        continue;
-      }
-      for (int a = 0; a < rows; ++a)
-        for (int b = 0; b < columns; ++b) {
-          const bool keep = i + a == j + b || (!fixed[displacements[i + a]] && !fixed[displacements[j + b]]);
-          masked[columns * a + b] = keep ? entry[a * width + b] : 0.0;
-        }
-      matrix.add(row, col, masked.data(), columns);
+/// The entities of a list of displacements, and where each begins in it.
+struct EntityList {
+  std::vector<Index> entities;
+  std::vector<int> begin;
+
+  void assign(const Layout& layout, std::span<const Index> displacements) {
+    entities.clear();
+    begin.clear();
+    for (std::size_t i = 0; i < displacements.size(); ++i) {
+      const Index entity = layout.entity_of(displacements[i]);
+      if (!entities.empty() && entities.back() == entity) continue;
+      entities.push_back(entity);
+      begin.push_back(static_cast<int>(i));
     }
   }
-}
+};
+
+/// Adds dense blocks over lists of displacements to the matrix.
+class BlockInsertion {
+ public:
+  BlockInsertion(la::BlockMatrix& matrix, const Layout& layout, std::span<const char> fixed)
+      : matrix_(matrix), layout_(layout), fixed_(fixed) {}
+
+  /// `block` is the leading part of rows of `width` entries; of prescribed displacements only the diagonal entry is kept.
+  void add(std::span<const Index> displacements, std::span<const double> block, int width) {
+    list_.assign(layout_, displacements);
+    const bool any_fixed = std::any_of(displacements.begin(), displacements.end(), [&](Index i) { return fixed_[i] != 0; });
+    for (std::size_t k = 0; k < list_.entities.size(); ++k) {
+      const Index row = list_.entities[k];
+      if (row >= matrix_.owned()) continue;
+      const double* entries = &block[static_cast<std::size_t>(list_.begin[k]) * width];
+      for (std::size_t l = 0; l < list_.entities.size(); ++l) {
+        if (any_fixed)
+          add_masked(displacements, k, l, entries + list_.begin[l], width);
+        else
+          matrix_.add(row, list_.entities[l], entries + list_.begin[l], width);
+      }
+    }
+  }
+
+ private:
+  void add_masked(std::span<const Index> displacements, std::size_t k, std::size_t l, const double* entry, int width) {
+    const Index row = list_.entities[k], col = list_.entities[l];
+    const int i = list_.begin[k], j = list_.begin[l], columns = matrix_.width(col);
+    std::array<double, 9> masked;
+    for (int a = 0; a < matrix_.width(row); ++a)
+      for (int b = 0; b < columns; ++b) {
+        const bool keep = i + a == j + b || (!fixed_[displacements[i + a]] && !fixed_[displacements[j + b]]);
+        masked[columns * a + b] = keep ? entry[a * width + b] : 0.0;
+      }
+    matrix_.add(row, col, masked.data(), columns);
+  }
+
+  la::BlockMatrix& matrix_;
+  const Layout& layout_;
+  std::span<const char> fixed_;
+  EntityList list_;
+};
 
 /// A cell of a batch.
 struct StiffnessSlot {
@@ -130,7 +160,8 @@ template <class Insert>
 void visit_stiffness(const MechanicsSystem& system, std::span<const Index> cells, la::KernelLog& log, Insert&& insert) {
   const mesh::PolyMesh& mesh = system.mesh().mesh;
   const Layout& layout = system.layout();
-  std::vector<StiffnessSlot> slots(cells_per_batch, StiffnessSlot{spaces::VemCell(mesh, layout.bubbles()), -1, {}, {}});
+  const double components = layout.dim() * static_cast<double>(mesh.cell_nodes.values.size()) / std::max(1, mesh.n_cells());
+  std::vector<StiffnessSlot> slots(cells_per_batch(components * components), StiffnessSlot{spaces::VemCell(mesh, layout.bubbles()), -1, {}, {}});
   const auto geometry = [](StiffnessSlot& slot) {
     slot.vem.build(slot.cell);
     return slot.vem.flops();
@@ -209,9 +240,9 @@ void MechanicsSystem::assemble_bulk() {
   matrix_ = std::make_unique<la::BlockMatrix>(layout_.matrix_layout(), matrix_graph(mesh_, layout_, cells_));
   matrix_->begin_writing();
   const std::vector<Index> cells = bulk_cells([&](std::span<const Index> displacements) { return is_ours(displacements); });
+  BlockInsertion insertion(*matrix_, layout_, fixed());
   visit_stiffness(*this, cells, kernels_, [&](std::span<const Index> displacements, std::span<const double> matrix) {
-    const auto n = static_cast<int>(displacements.size());
-    add_block(*matrix_, layout_, displacements, fixed(), matrix, n);
+    insertion.add(displacements, matrix, static_cast<int>(displacements.size()));
     return static_cast<double>(matrix.size());
   });
   kernels_.add_bytes(la::Kernel::geometry, bytes_of_geometry(mesh_.mesh));
@@ -257,10 +288,10 @@ void MechanicsSystem::write_contact_rows(MatrixContent content) {
       std::copy_n(saved, values.size(), values.begin());
       saved += static_cast<std::ptrdiff_t>(values.size());
     }
-  if (content != MatrixContent::bulk)
-    for (Index p = 0; p < cells_.size(); ++p)
-      add_block(*matrix_, layout_, cells_.displacements(p), fixed(),
-                content == MatrixContent::exact ? cells_.block(p) : cells_.symmetric_block(p), cells_.block_size(p));
+  BlockInsertion insertion(*matrix_, layout_, fixed());
+  for (Index p = 0; content != MatrixContent::bulk && p < cells_.size(); ++p)
+    insertion.add(cells_.displacements(p), content == MatrixContent::exact ? cells_.block(p) : cells_.symmetric_block(p),
+                  cells_.block_size(p));
   matrix_->end_writing();
   content_ = content;
 }

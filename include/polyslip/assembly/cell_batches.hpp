@@ -11,7 +11,11 @@
 
 namespace polyslip::assembly {
 
-inline constexpr std::size_t cells_per_batch = 32;  // 24 x 24 entries a cell: 150 kB
+/// As many as there is cache for, within reason: fewer and the clock is read too often.
+inline std::size_t cells_per_batch(double entries_per_cell) {
+  constexpr double entries = 1 << 14;  // 130 kB
+  return static_cast<std::size_t>(std::clamp(entries / std::max(1.0, entries_per_cell), 4.0, 32.0));
+}
 
 /// `slots` are the cells of a batch, with a member `cell` and whatever the kernels keep. Each kernel takes a slot and returns its
 /// floating-point operations.
