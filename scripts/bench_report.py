@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
+from bench_roofline import BANDWIDTH, PEAK, kernel_lines
 from bench_studies import KEY
 
 PHASES = ("read", "partition", "assemble", "condense", "solve", "write")
@@ -20,6 +21,7 @@ def derived(row):
     if total:
         row["seconds.other"] = max(0, total - sum(row[f"seconds.{phase}"] for phase in PHASES))
         row["seconds.computing"] = total - sum(row[f"seconds.{phase}"] for phase in ("read", "partition", "write"))
+        row["serial_share"] = 100 * (row["seconds.read"] + row["seconds.partition"]) / total
         row["assembly_share"] = 100 * (row["seconds.assemble"] + row["seconds.condense"]) / total
     if row.get("steps.accepted"):
         row["newton_per_step"] = row["newton.total"] / row["steps.accepted"]
@@ -78,7 +80,8 @@ def shown(value, pattern):
 
 COLUMNS = [("cells", "mesh.cells", ".0f"), ("unknowns", "dofs.total", ".0f"), ("s", "seconds.total", ".3g"), ("spread", "spread", ".0%"),
            ("CPU s", "cpu", ".3g"), ("MB", "memory_mb", ".0f"), ("bytes/unknown", "bytes_per_unknown", ".0f"),
-           ("assembly + condensation %", "assembly_share", ".1f"),
+           ("assembly + condensation %", "assembly_share", ".1f"), ("reading + partition %", "serial_share", ".1f"),
+           *((f"imbalance, {name}", f"imbalance.{name}", ".3f") for name in ("cells", "unknowns", "assembly")),
            ("Newton/step", "newton_per_step", ".3g"),
            ("Krylov/Newton", "krylov_per_newton", ".3g"), ("most Krylov", "krylov.max_per_solve", ".0f"), ("set-ups", "setups.preconditioner", ".0f")]
 
@@ -112,6 +115,18 @@ def growth_text(study, middle):
     found = {name: exponent(rows, study.size) for name, rows in series(study, middle).items()}
     parts = [f"{name} N^{x:.2f}" for name, x in found.items() if x is not None]
     return f"Seconds grow with N {'cells' if study.size == 'mesh.cells' else 'unknowns'} as {', '.join(parts)}." if parts else ""
+
+
+def kernel_table(study, middle):
+    """Kernels of assembly against the roofline, where the study asks for it."""
+    lines = []
+    for point in study.points:
+        row = middle.get(point.key, {})
+        for field, kernel, *figures in kernel_lines(row, study.kernels) if PEAK in row else ():
+            bounds = [shown(1e-9 * row[column], ".3g") for column in (PEAK, BANDWIDTH)]
+            lines.append([*(row[name] for name in KEY[1:]), f"{field}: {kernel}", *(shown(value, ".3g") for value in figures), *bounds])
+    header = [*KEY[1:], "kernel", "s", "ns a cell", "Gflop/s", "GB/s", "% of the bound", "peak Gflop/s", "peak GB/s"]
+    return table(header, lines) if lines else ""
 
 
 def reference_table(reference):
@@ -153,7 +168,7 @@ def circumstances(rows):
 
 
 def study_section(study, middle, pictures):
-    parts = [f"## {study.name}: {study.title}", study.note, study_table(study, middle), growth_text(study, middle)]
+    parts = [f"## {study.name}: {study.title}", study.note, study_table(study, middle), kernel_table(study, middle), growth_text(study, middle)]
     parts += [reference_table(reference) for reference in study.references]
     return [*parts, *(f"![{picture}]({picture})" for picture in pictures)]
 

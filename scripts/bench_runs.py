@@ -13,6 +13,7 @@ from pathlib import Path
 
 import yaml
 
+from bench_roofline import measured
 from bench_studies import KEY
 
 ROOT = Path(__file__).resolve().parent.parent
@@ -46,6 +47,7 @@ class Runner:
             command = self._command(point, folder)
         except NoMesh as error:
             return {**row, "status": "no mesh", "reason": str(error)}
+        row |= measured() if study.kernels else {}
         begin, cpu = time.monotonic(), cpu_seconds()
         status, reason = execute(command, folder / "log", point.time_limit)
         row |= {"wall": round(time.monotonic() - begin, 3), "cpu": round(cpu_seconds() - cpu, 3), "status": status, "reason": reason}

@@ -7,7 +7,7 @@ import yaml
 
 KEY = ("study", "case", "level", "solver", "ranks")  # what tells one run of the table from another, as columns of runs.csv
 DEFAULTS = {"set": {}, "cases": {"": {}}, "solvers": ["built-in"], "ranks": [1], "levels": [""], "quick": [], "repeats": 2, "quick_repeats": 1,
-            "time_limit": 600, "mesh": None, "errors": {}, "references": [], "base": None, "note": "", "options": "",
+            "time_limit": 600, "mesh": None, "errors": {}, "references": [], "base": None, "kernels": [], "note": "", "options": "",
             "abscissae": ["seconds.total", "memory_mb", "dofs.total"], "size": "dofs.total"}
 
 
@@ -49,6 +49,7 @@ class Study:
     size: str  # column that cost and counts are drawn against
     references: list  # figures of others, as rows with the columns of runs.csv
     base: dict  # columns of the point whose seconds others are divided by
+    kernels: list  # fields whose kernels of assembly are set against the bounds of the machine
 
     def columns_of_history(self):
         columns = [entry["column"] if isinstance(entry, dict) else entry for entry in self.errors.values()]
@@ -107,5 +108,5 @@ def read_table(file, quick=False):
             raise TableError(f"{file}: study {name} needs {error}, which is not there.") from error
         if points:
             studies[name] = Study(name, entry["title"], entry["note"], points, entry["errors"], entry["abscissae"], entry["size"],
-                                  entry["references"], entry["base"])
+                                  entry["references"], entry["base"], entry["kernels"])
     return studies

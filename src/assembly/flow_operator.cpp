@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <numeric>
 
+#include "polyslip/assembly/cell_batches.hpp"
 #include "polyslip/common/mpi.hpp"
 
 namespace polyslip::assembly {
@@ -59,7 +60,7 @@ FlowOperator::FlowOperator(const mesh::DistributedMesh& mesh, const FlowLayout& 
   if (layout.with_fractures()) keep_rock_rows();
   matrix_->end_writing();
   if (!layout.with_fractures()) return;
-  place_points();
+  place_fracture_points();
   set_conductivities(fractures);
 }
 
@@ -135,37 +136,64 @@ Csr FlowOperator::graph() const {
 }
 
 void FlowOperator::add(const Element& element, std::span<const double> block, std::size_t width, double scale) {
+  std::array<double, 9> value{};  // for all the compiler knows blocks may be of 3 x 3
   for (std::size_t i = 0; i < element.unknowns.size(); ++i) {
     if (element.unknowns[i] >= layout_.size()) continue;
     const double* row = &block[static_cast<std::size_t>(element.rows[i]) * width];
     for (std::size_t j = 0; j < element.unknowns.size(); ++j) {
-      const double value = scale * row[element.rows[j]];
-      matrix_->add(element.unknowns[i], element.unknowns[j], &value, 1);
+      value[0] = scale * row[element.rows[j]];
+      matrix_->add(element.unknowns[i], element.unknowns[j], value.data(), 1);
     }
   }
 }
 
-void FlowOperator::assemble_rock(std::span<const physics::HydraulicProperties> rock, double viscosity) {
-  spaces::HfvCell hfv(mesh_.mesh);
+/// A cell of a batch.
+struct FlowOperator::RockSlot {
+  spaces::HfvCell hfv;
+  Index cell = -1;
   Element element;
   std::vector<double> T, block;
+};
+
+void FlowOperator::assemble_rock(std::span<const physics::HydraulicProperties> rock, double viscosity) {
   volumes_.resize(static_cast<std::size_t>(mesh_.cells.owned));
+  std::vector<Index> cells;
+  Element element;
   for (Index cell = 0; cell < mesh_.mesh.n_cells(); ++cell) {
     cell_element(cell, element);
-    if (!any_owned(element.unknowns)) continue;
-    hfv.build(cell);
-    const std::size_t n = hfv.faces().size();
-    T.resize(n * n);
-    block.resize((n + 1) * (n + 1));
-    physics::local_transmissibilities(hfv, rock[cell].permeability / viscosity, T);
-    physics::element_matrix(T, static_cast<int>(n), block);
-    add(element, block, n + 1, 1.0);
-    for (std::size_t i = 0; i < n; ++i)
-      if (element.unknowns[i + 1] < layout_.size()) points_[element.unknowns[i + 1]] = hfv.faces()[i].centre;
-    if (cell >= mesh_.cells.owned) continue;
-    points_[element.unknowns[0]] = hfv.centre();
-    volumes_[cell] = hfv.measure();
+    if (any_owned(element.unknowns)) cells.push_back(cell);
   }
+  std::vector<RockSlot> slots(cells_per_batch(0), RockSlot{spaces::HfvCell(mesh_.mesh), -1, {}, {}, {}});
+  const auto geometry = [](RockSlot& slot) {
+    slot.hfv.build(slot.cell);
+    return slot.hfv.flops();
+  };
+  const auto matrix = [&](RockSlot& slot) {
+    const std::size_t n = slot.hfv.faces().size();
+    slot.T.resize(n * n);
+    slot.block.resize((n + 1) * (n + 1));
+    physics::local_transmissibilities(slot.hfv, rock[slot.cell].permeability / viscosity, slot.T);
+    physics::element_matrix(slot.T, static_cast<int>(n), slot.block);
+    return physics::transmissibility_flops(static_cast<int>(n));
+  };
+  in_batches(cells, slots, kernels_, geometry, matrix, [&](RockSlot& slot) {
+    cell_element(slot.cell, slot.element);
+    add(slot.element, slot.block, slot.hfv.faces().size() + 1, 1.0);
+    place_points(slot);
+    return 2.0 * static_cast<double>(slot.block.size());
+  });
+  kernels_.add_bytes(la::Kernel::geometry, bytes_of_geometry(mesh_.mesh));
+  kernels_.add_bytes(la::Kernel::local_matrices, static_cast<double>(rock.size_bytes()));
+  kernels_.add_bytes(la::Kernel::insertion, bytes_of_insertion(matrix_->get(), 1));
+}
+
+void FlowOperator::place_points(const RockSlot& slot) {
+  const auto faces = slot.hfv.faces();
+  for (std::size_t i = 0; i < faces.size(); ++i)
+    if (slot.element.unknowns[i + 1] < layout_.size()) points_[slot.element.unknowns[i + 1]] = faces[i].centre;
+  if (slot.cell >= mesh_.cells.owned) return;
+  points_[slot.element.unknowns[0]] = slot.hfv.centre();
+  volumes_[slot.cell] = slot.hfv.measure();
 }
 
 /// 1 on the unknowns of ridges that a barrier reaches.
@@ -210,7 +238,7 @@ void FlowOperator::keep_rock_rows() {
       rock_rows_.insert(rock_rows_.end(), values.begin(), values.end());
 }
 
-void FlowOperator::place_points() {
+void FlowOperator::place_fracture_points() {
   const mesh::PolyMesh& m = mesh_.mesh;
   for (Index f = 0; f < mesh_.fractures.owned; ++f)
     points_[layout_.fracture(f)] = spaces::face_geometry(m, mesh_.fracture_faces[f]).centre;

@@ -6,6 +6,7 @@
 #include <cmath>
 #include <limits>
 
+#include "polyslip/assembly/cell_batches.hpp"
 #include "polyslip/common/error.hpp"
 #include "polyslip/common/mpi.hpp"
 
@@ -86,61 +87,98 @@ Csr matrix_graph(const mesh::DistributedMesh& mesh, const Layout& layout, const 
   return graph;
 }
 
-/// Adds a dense block over `displacements`, the leading part of rows of `width` entries, to the matrix; prescribed ones keep their
-/// diagonal entry only.
-void add_block(la::BlockMatrix& matrix, const Layout& layout, std::span<const Index> displacements, std::span<const char> fixed,
-               std::span<const double> block, int width) {
-  const int n = static_cast<int>(displacements.size());
-  const bool any_fixed = std::any_of(displacements.begin(), displacements.end(), [&](Index i) { return fixed[i] != 0; });
-  std::array<double, 9> masked;
-  for (int i = 0, rows = 0; i < n; i += rows) {
-    const Index row = layout.entity_of(displacements[i]);
-    rows = matrix.width(row);
-    if (row >= matrix.owned()) continue;
-    for (int j = 0, columns = 0; j < n; j += columns) {
-      const Index col = layout.entity_of(displacements[j]);
-      columns = matrix.width(col);
-      const double* entry = &block[static_cast<std::size_t>(i) * width + j];
-      if (!any_fixed) {
-        matrix.add(row, col, entry, width);
-        continue;
-      }
-      for (int a = 0; a < rows; ++a)
-        for (int b = 0; b < columns; ++b) {
-          const bool keep = i + a == j + b || (!fixed[displacements[i + a]] && !fixed[displacements[j + b]]);
-          masked[columns * a + b] = keep ? entry[a * width + b] : 0.0;
-        }
-      matrix.add(row, col, masked.data(), columns);
+/// The entities of a list of displacements, and where each begins in it.
+struct EntityList {
+  std::vector<Index> entities;
+  std::vector<int> begin;
+
+  void assign(const Layout& layout, std::span<const Index> displacements) {
+    entities.clear();
+    begin.clear();
+    for (std::size_t i = 0; i < displacements.size(); ++i) {
+      const Index entity = layout.entity_of(displacements[i]);
+      if (!entities.empty() && entities.back() == entity) continue;
+      entities.push_back(entity);
+      begin.push_back(static_cast<int>(i));
     }
   }
-}
+};
 
-/// Displacements and stiffness of one cell after another, without allocation.
-class LocalStiffness {
+/// Adds dense blocks over lists of displacements to the matrix.
+class BlockInsertion {
  public:
-  LocalStiffness(const MechanicsSystem& system) : system_(system), vem_(system.mesh().mesh, system.layout().bubbles()) {}
+  BlockInsertion(la::BlockMatrix& matrix, const Layout& layout, std::span<const char> fixed)
+      : matrix_(matrix), layout_(layout), fixed_(fixed) {}
 
-  /// The cell's displacements (no bubbles of fracture faces: a bulk cell).
-  std::span<const Index> displacements(Index cell) {
-    displacements_.clear();
-    system_.layout().append_displacements(system_.mesh().mesh, cell, displacements_);
-    return displacements_;
-  }
-  std::span<const double> matrix(Index cell) {
-    vem_.build(cell);
-    const auto n = static_cast<std::size_t>(vem_.components());
-    matrix_.resize(n * n);
-    const physics::Lame& lame = system_.moduli()[cell];
-    physics::local_stiffness(system_.layout().dim(), vem_, lame, physics::stabilisation_factor(lame, system_.problem().stabilisation), matrix_);
-    return matrix_;
+  /// `block` is the leading part of rows of `width` entries; of prescribed displacements only the diagonal entry is kept.
+  void add(std::span<const Index> displacements, std::span<const double> block, int width) {
+    list_.assign(layout_, displacements);
+    const bool any_fixed = std::any_of(displacements.begin(), displacements.end(), [&](Index i) { return fixed_[i] != 0; });
+    for (std::size_t k = 0; k < list_.entities.size(); ++k) {
+      const Index row = list_.entities[k];
+      if (row >= matrix_.owned()) continue;
+      const double* entries = &block[static_cast<std::size_t>(list_.begin[k]) * width];
+      for (std::size_t l = 0; l < list_.entities.size(); ++l) {
+        if (any_fixed)
+          add_masked(displacements, k, l, entries + list_.begin[l], width);
+        else
+          matrix_.add(row, list_.entities[l], entries + list_.begin[l], width);
+      }
+    }
   }
 
  private:
-  const MechanicsSystem& system_;
-  spaces::VemCell vem_;
-  std::vector<Index> displacements_;
-  std::vector<double> matrix_;
+  void add_masked(std::span<const Index> displacements, std::size_t k, std::size_t l, const double* entry, int width) {
+    const Index row = list_.entities[k], col = list_.entities[l];
+    const int i = list_.begin[k], j = list_.begin[l], columns = matrix_.width(col);
+    std::array<double, 9> masked;
+    for (int a = 0; a < matrix_.width(row); ++a)
+      for (int b = 0; b < columns; ++b) {
+        const bool keep = i + a == j + b || (!fixed_[displacements[i + a]] && !fixed_[displacements[j + b]]);
+        masked[columns * a + b] = keep ? entry[a * width + b] : 0.0;
+      }
+    matrix_.add(row, col, masked.data(), columns);
+  }
+
+  la::BlockMatrix& matrix_;
+  const Layout& layout_;
+  std::span<const char> fixed_;
+  EntityList list_;
 };
+
+/// A cell of a batch.
+struct StiffnessSlot {
+  spaces::VemCell vem;
+  Index cell = -1;
+  std::vector<Index> displacements;
+  std::vector<double> matrix;
+};
+
+/// Hands displacements and stiffness of each of the cells (no + cells: their bubbles are not among the displacements) to
+/// `insert(displacements, matrix)`, which returns its floating-point operations.
+template <class Insert>
+void visit_stiffness(const MechanicsSystem& system, std::span<const Index> cells, la::KernelLog& log, Insert&& insert) {
+  const mesh::PolyMesh& mesh = system.mesh().mesh;
+  const Layout& layout = system.layout();
+  const double components = layout.dim() * static_cast<double>(mesh.cell_nodes.values.size()) / std::max(1, mesh.n_cells());
+  std::vector<StiffnessSlot> slots(cells_per_batch(components * components), StiffnessSlot{spaces::VemCell(mesh, layout.bubbles()), -1, {}, {}});
+  const auto geometry = [](StiffnessSlot& slot) {
+    slot.vem.build(slot.cell);
+    return slot.vem.flops();
+  };
+  const auto matrix = [&](StiffnessSlot& slot) {
+    const auto n = static_cast<std::size_t>(slot.vem.components());
+    slot.matrix.resize(n * n);
+    const physics::Lame& lame = system.moduli()[slot.cell];
+    physics::local_stiffness(layout.dim(), slot.vem, lame, physics::stabilisation_factor(lame, system.problem().stabilisation), slot.matrix);
+    return physics::stiffness_flops(layout.dim(), slot.vem);
+  };
+  in_batches(cells, slots, log, geometry, matrix, [&](StiffnessSlot& slot) {
+    slot.displacements.clear();
+    layout.append_displacements(mesh, slot.cell, slot.displacements);
+    return insert(std::span<const Index>(slot.displacements), std::span<const double>(slot.matrix));
+  });
+}
 
 /// Rigid-body modes of the owned copies, for algebraic multigrid.
 la::Handle<MatNullSpace> rigid_body_modes(const mesh::DistributedMesh& mesh, const Layout& layout) {
@@ -186,16 +224,30 @@ void MechanicsSystem::keep_bulk_diagonal() {
   for (Index i = 0; i < layout_.displacement_size(); ++i) bulk_diagonal_[i] = fixed()[i] ? 0 : diagonal[i];
 }
 
-void MechanicsSystem::assemble_bulk() {
-  matrix_ = std::make_unique<la::BlockMatrix>(layout_.matrix_layout(), matrix_graph(mesh_, layout_, cells_));
-  LocalStiffness local(*this);
-  matrix_->begin_writing();
+template <class Wanted>
+std::vector<Index> MechanicsSystem::bulk_cells(Wanted&& wanted) const {
+  std::vector<Index> chosen, displacements;
   for (Index cell = 0; cell < mesh_.mesh.n_cells(); ++cell) {
     if (cells_.contains(cell)) continue;
-    const auto displacements = local.displacements(cell);
-    if (is_ours(displacements))
-      add_block(*matrix_, layout_, displacements, fixed(), local.matrix(cell), static_cast<int>(displacements.size()));
+    displacements.clear();
+    layout_.append_displacements(mesh_.mesh, cell, displacements);
+    if (wanted(std::span<const Index>(displacements))) chosen.push_back(cell);
   }
+  return chosen;
+}
+
+void MechanicsSystem::assemble_bulk() {
+  matrix_ = std::make_unique<la::BlockMatrix>(layout_.matrix_layout(), matrix_graph(mesh_, layout_, cells_));
+  matrix_->begin_writing();
+  const std::vector<Index> cells = bulk_cells([&](std::span<const Index> displacements) { return is_ours(displacements); });
+  BlockInsertion insertion(*matrix_, layout_, fixed());
+  visit_stiffness(*this, cells, kernels_, [&](std::span<const Index> displacements, std::span<const double> matrix) {
+    insertion.add(displacements, matrix, static_cast<int>(displacements.size()));
+    return static_cast<double>(matrix.size());
+  });
+  kernels_.add_bytes(la::Kernel::geometry, bytes_of_geometry(mesh_.mesh));
+  kernels_.add_bytes(la::Kernel::local_matrices, static_cast<double>(moduli_.size() * sizeof(physics::Lame)));
+  kernels_.add_bytes(la::Kernel::insertion, bytes_of_insertion(matrix_->get(), layout_.dim() * layout_.dim()));
   for (Index p = 0; p < cells_.size(); ++p)
     for (Index i : cells_.displacements(p))
       if (i < layout_.displacement_size()) contact_rows_.push_back(layout_.entity_of(i));
@@ -236,10 +288,10 @@ void MechanicsSystem::write_contact_rows(MatrixContent content) {
       std::copy_n(saved, values.size(), values.begin());
       saved += static_cast<std::ptrdiff_t>(values.size());
     }
-  if (content != MatrixContent::bulk)
-    for (Index p = 0; p < cells_.size(); ++p)
-      add_block(*matrix_, layout_, cells_.displacements(p), fixed(),
-                content == MatrixContent::exact ? cells_.block(p) : cells_.symmetric_block(p), cells_.block_size(p));
+  BlockInsertion insertion(*matrix_, layout_, fixed());
+  for (Index p = 0; content != MatrixContent::bulk && p < cells_.size(); ++p)
+    insertion.add(cells_.displacements(p), content == MatrixContent::exact ? cells_.block(p) : cells_.symmetric_block(p),
+                  cells_.block_size(p));
   matrix_->end_writing();
   content_ = content;
 }
@@ -255,19 +307,19 @@ void MechanicsSystem::set_loads(Loads loads) {
 
 void MechanicsSystem::compute_lift() {
   lift_.assign(static_cast<std::size_t>(layout_.displacement_size()), 0.0);
-  LocalStiffness local(*this);
-  for (Index cell = 0; cell < mesh_.mesh.n_cells(); ++cell) {
-    if (cells_.contains(cell)) continue;
-    const auto displacements = local.displacements(cell);
-    const bool prescribed = std::any_of(displacements.begin(), displacements.end(), [&](Index i) { return loads_.dirichlet[i] != 0; });
-    if (!prescribed || !is_ours(displacements)) continue;
-    const auto matrix = local.matrix(cell);
+  const std::vector<Index> cells = bulk_cells([&](std::span<const Index> displacements) {
+    return is_ours(displacements) &&
+           std::any_of(displacements.begin(), displacements.end(), [&](Index i) { return loads_.dirichlet[i] != 0; });
+  });
+  la::KernelLog log("lift");
+  visit_stiffness(*this, cells, log, [&](std::span<const Index> displacements, std::span<const double> matrix) {
     const std::size_t n = displacements.size();
     for (std::size_t i = 0; i < n; ++i) {
       if (displacements[i] >= layout_.displacement_size() || fixed()[displacements[i]]) continue;
       for (std::size_t j = 0; j < n; ++j) lift_[displacements[i]] += matrix[i * n + j] * loads_.dirichlet[displacements[j]];
     }
-  }
+    return 2.0 * static_cast<double>(n * n);
+  });
 }
 
 void MechanicsSystem::impose_dirichlet(Vec x) const {

@@ -42,6 +42,18 @@ FaceGeometry face_geometry(std::span<const Vec3> points, std::span<const Vec3> g
   return face;
 }
 
+double vector_weights_flops(int dim, int m) {
+  if (dim == 2) return 6;
+  return 3.0 * m + 3         // centre
+         + (18 + 9) * m      // thirds of the triangles: two differences, cross product, division; three sums
+         + 3 + 3.0 * m;      // the share of the centre
+}
+
+double face_geometry_flops(int m) {
+  return 3.0 * m + 9         // area vector, its norm and direction
+         + 15.0 * m + 3;     // weights (dot product, division) and centre
+}
+
 Eigen::Matrix3d face_frame(int dim, const Vec3& normal) {
   Eigen::Matrix3d frame;
   frame.row(0) = normal.transpose();

@@ -64,6 +64,19 @@ Json seconds_section(const Summary& s) {
           {"write", s.seconds.write}};
 }
 
+Json imbalance_section(const Summary& s) {
+  return {{"cells", number(s.imbalance.cells)},
+          {"unknowns", number(s.imbalance.unknowns)},
+          {"assembly", number(s.imbalance.assembly)}};
+}
+
+Json kernels_section(const Summary& s) {
+  Json section = Json::object();
+  for (const Summary::Kernel& kernel : s.kernels)
+    section[kernel.field][kernel.name] = {{"seconds", kernel.seconds}, {"flops", kernel.flops}, {"bytes", kernel.bytes}};
+  return section;
+}
+
 }  // namespace
 
 std::optional<double> Summary::bytes_per_unknown() const {
@@ -86,6 +99,8 @@ void write_summary(const Summary& s, const std::filesystem::path& file) {
   json["errors"] = errors_section(s);
   json["extremes"] = extremes_section(s);
   json["seconds"] = seconds_section(s);
+  json["imbalance"] = imbalance_section(s);
+  json["kernels"] = kernels_section(s);
   json["peak_memory_mb_per_rank"] = s.peak_memory_mb_per_rank;
   json["bytes_per_unknown"] = number(s.bytes_per_unknown());
   // `replace`: a message with broken UTF-8 (a path, say) must not cost the summary.

@@ -105,6 +105,13 @@ void local_transmissibilities(const spaces::HfvCell& element, const Eigen::Matri
     for (int j = 0; j < i; ++j) T[static_cast<std::size_t>(j * n + i)] = T[static_cast<std::size_t>(i * n + j)];
 }
 
+double transmissibility_flops(int n) {
+  const double lower = 0.5 * n * (n + 1);
+  return n * (4 + 15 + 3) + lower * (4 + 5)            // volume L g_i, its products with g_j
+         + n * (3 + n * (4 + 5 + 1) + 22 + lower * 3)  // each cone: offset, s, weight, the products of s
+         + n * (n + 1.0);                              // element: sums of rows and of all
+}
+
 void seal_face(std::span<double> T, std::size_t n, std::size_t i) {
   const double diagonal = T[i * n + i];
   for (std::size_t row = 0; row < n; ++row) {

@@ -145,6 +145,17 @@ Books Model::coupled_books() {
   return books;
 }
 
+std::vector<const la::KernelLog*> Model::kernels() const {
+  std::vector<const la::KernelLog*> logs;
+  if (mechanics_) logs.push_back(&mechanics_->kernels());
+  if (flow_) logs.push_back(&flow_->fluxes().kernels());
+  return logs;
+}
+
+double Model::owned_unknowns() const {
+  return (mechanics_ ? mechanics_->layout().size() : 0) + (flow_ ? flow_->layout().size() : 0);
+}
+
 std::vector<std::string> Model::linear_choices() const {
   std::vector<std::string> choices;
   if (newton_) choices.push_back(newton_->linear_choice());

@@ -48,6 +48,28 @@ std::string unknowns_text(const io::Summary& s) {
   return fmt::format("{}, {} solved", fmt::join(parts, " + "), s.dofs.solved);
 }
 
+/// Largest over mean of one value a rank; absent where all are 0.
+std::optional<double> imbalance_of(MPI_Comm comm, double value) {
+  const double sum = mpi::sum(comm, value), largest = mpi::max(comm, value);
+  return sum > 0 ? std::optional(largest * mpi::size(comm) / sum) : std::nullopt;
+}
+
+/// Call when all is assembled.
+void measure_balance(io::Summary& s, const Model& model) {
+  const mesh::DistributedMesh& mesh = model.mesh();
+  double seconds = 0;
+  for (const la::KernelLog* log : model.kernels())
+    for (std::size_t k = 0; k < la::kernel_names.size(); ++k) {
+      const la::KernelWork& work = log->work()[k];
+      seconds += work.seconds;
+      s.kernels.push_back({log->field(), la::kernel_names[k], mpi::max(mesh.comm, work.seconds), mpi::sum(mesh.comm, work.flops),
+                           mpi::sum(mesh.comm, work.bytes)});
+    }
+  s.imbalance.cells = imbalance_of(mesh.comm, mesh.cells.owned);
+  s.imbalance.unknowns = imbalance_of(mesh.comm, model.owned_unknowns());
+  s.imbalance.assembly = imbalance_of(mesh.comm, seconds);
+}
+
 void keep_largest(std::optional<double>& largest, double value) { largest = std::max(largest.value_or(0), value); }
 
 }  // namespace
@@ -61,6 +83,7 @@ void report_start(const Log& log, io::Summary& s, const Scene& scene, const Mode
   s.ranks = mpi::size(mesh.comm);
   s.mesh = {mesh.mesh.dim, mesh.cells.total, mesh.total_faces, mesh.total_nodes, mesh.fractures.total, largest, smallest};
   count_unknowns(s, scene, model);
+  measure_balance(s, model);
   log.line("polyslip {} on {} rank{}: {}", POLYSLIP_VERSION, s.ranks, s.ranks == 1 ? "" : "s", scene.name);
   log.line("mesh: {}D, {} cells, {} faces, {} nodes, {} fracture faces, h {:.3g} to {:.3g} m", s.mesh.dimension, s.mesh.cells,
            s.mesh.faces, s.mesh.nodes, s.mesh.fracture_faces, s.mesh.h_min, s.mesh.h_max);

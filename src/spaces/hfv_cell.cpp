@@ -126,6 +126,17 @@ void HfvCell::build_fracture_face(Index face) {
   place_centre(average);
 }
 
+double HfvCell::flops() const {
+  double sum = 3.0 * mesh_.cell_nodes.row_size(cell_) + 3;  // average of the nodes
+  for (Index face : mesh_.cell_faces[cell_]) {
+    const int m = mesh_.face_nodes.row_size(face);
+    sum += geometry::vector_weights_flops(mesh_.dim, m) + geometry::face_geometry_flops(m) + 3  // sign of the normal
+           + (m > 3 ? 17.0 * m : 0.0)    // warp: distances to the plane and to the centre
+           + 3 + 7 + 1 + 8 + 8;          // cone: offset, measure, sum, moment; distance
+  }
+  return sum + 7;
+}
+
 Vec3 HfvCell::gradient(double p_K, std::span<const double> p_faces) const {
   Vec3 sum = Vec3::Zero();
   for (std::size_t i = 0; i < faces_.size(); ++i) sum += faces_[i].area * (p_faces[i] - p_K) * faces_[i].normal;

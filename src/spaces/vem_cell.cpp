@@ -69,6 +69,16 @@ void VemCell::build(Index cell) {
   for (Vec3& c : c_) c /= volume_;
 }
 
+double VemCell::flops() const {
+  const double n = n_nodes_;
+  double sum = 3 * n + 3 + 3 * n            // average of the nodes, offsets
+               + 8 * n * (n - 1) / 2        // pairs of nodes: difference 3, square 5
+               + 3.0 * size() + 2;          // gradient weights over |K|; root, |K|
+  for (Index face : mesh_.cell_faces[cell_])  // c, area vector and volume take 3 + 3 + 3 + 10 a node
+    sum += geometry::vector_weights_flops(mesh_.dim, mesh_.face_nodes.row_size(face)) + 19.0 * mesh_.face_nodes.row_size(face);
+  return sum;
+}
+
 Eigen::Matrix3d VemCell::gradient(std::span<const double> v) const {
   Eigen::Matrix3d grad = Eigen::Matrix3d::Zero();
   const int dim = mesh_.dim;

@@ -30,6 +30,21 @@ class RankCounts(unittest.TestCase):
     def test_contact_between_tetrahedra_does_not_depend_on_the_rank_count(self):
         self.assert_same("manufactured_contact_3d", {"mesh.box.cells": "[4,4,4]", "mesh.box.shape": "tets"}, (3,))
 
+    def test_ranks_share_cells_and_unknowns_within_a_tenth(self):
+        settings = {"mesh.box.cells": "[8,8,8]"}
+        one, two = (Run("manufactured_contact_3d", settings, ranks).summary for ranks in (1, 2))
+        self.assertEqual(one["imbalance"], {"cells": 1, "unknowns": 1, "assembly": 1})
+        for share in ("cells", "unknowns"):
+            self.assertLess(two["imbalance"][share], 1.1, share)
+            self.assertGreaterEqual(two["imbalance"][share], 1, share)
+        self.assertGreaterEqual(two["imbalance"]["assembly"], 1)
+        kernels = one["kernels"]["rock"]
+        bulk = one["mesh"]["cells"] - one["mesh"]["fracture_faces"]  # the cells on the + side come with the contact
+        self.assertEqual(kernels["insertion"]["flops"], bulk * (8 * 3) ** 2)
+        for name, work in two["kernels"]["rock"].items():  # cells across the cut are computed by both
+            self.assertGreater(work["flops"], kernels[name]["flops"], name)
+            self.assertLess(work["flops"], 1.5 * kernels[name]["flops"], name)
+
 
 if __name__ == "__main__":
     unittest.main()

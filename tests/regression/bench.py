@@ -21,6 +21,7 @@ studies:
       good: {}
       wrong: {levels: [4], set: {mesh.box.no_such_key: 1}}
     errors: {pressure: errors.pressure_l2}
+    kernels: [rock]
     references: [{name: somebody, source: a guess, rows: [{seconds.total: 1, errors.pressure_l2: 0.1}]}]
   unmeshed:
     title: a mesh that cannot be made
@@ -45,9 +46,11 @@ def bench(folder, *arguments):
 
 def stored(folder, name, seconds):
     """A runs.csv of the two good levels, with 100 and 1000 unknowns and the given seconds of each repeat."""
+    kernel = {"kernels.rock.insertion.seconds": 0.5, "kernels.rock.insertion.flops": 1e9, "kernels.rock.insertion.bytes": 4e9,
+              "machine.flops": 1e10, "machine.bandwidth": 2e10, "mesh.cells": 1e6}
     phases = {f"seconds.{phase}": 0 for phase in ("read", "partition", "assemble", "condense", "solve", "write")}
     rows = [{"study": "column", "case": "good", "level": level, "solver": "built-in", "ranks": 1, "repeat": repeat, "status": "finished", "reason": "",
-             "load": 0.5, "dofs.total": unknowns, "newton.total": 3, "krylov.total": 6, "steps.accepted": 1, "seconds.total": total, **phases}
+             "load": 0.5, "dofs.total": unknowns, "newton.total": 3, "krylov.total": 6, "steps.accepted": 1, "seconds.total": total, **kernel, **phases}
             for level, unknowns in ((4, 100), (8, 1000)) for repeat, total in enumerate(seconds[level])]
     file = Path(folder) / name
     file.parent.mkdir(exist_ok=True)
@@ -115,6 +118,8 @@ class Figures(unittest.TestCase):
             code, _, report = bench(folder, "column", "--case", "good", "--continue", "--against", earlier)
         self.assertEqual(code, 0)
         self.assertIn("good N^1.40", report)  # log10(50/2)
+        line = next(line for line in report.splitlines() if "rock: insertion" in line)
+        self.assertEqual(re.findall(r"\d[\d.]*", line.partition("insertion")[2]), ["0.5", "500", "2", "8", "40", "10", "20"])  # 4e9/2e10 s of 0.5
         self.assertEqual({key: values[0] for key, values in ratios(report).items()}, {("good", "4"): "0.500", ("good", "8"): "2.000"})
 
 

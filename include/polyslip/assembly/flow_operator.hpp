@@ -24,6 +24,7 @@
 
 #include "polyslip/assembly/flow_layout.hpp"
 #include "polyslip/la/block_matrix.hpp"
+#include "polyslip/la/kernel_log.hpp"
 #include "polyslip/physics/darcy.hpp"
 #include "polyslip/physics/fracture_flow.hpp"
 
@@ -47,6 +48,7 @@ class FlowOperator {
 
   /// H, prescribed unknowns included.
   [[nodiscard]] Mat matrix() const { return matrix_->get(); }
+  [[nodiscard]] const la::KernelLog& kernels() const { return kernels_; }  ///< Of the assembly of the rock.
   /// Places of the owned unknowns [m]: x_K, face centres, ridge centres.
   [[nodiscard]] std::span<const Vec3> points() const { return points_; }
   [[nodiscard]] std::span<const double> volumes() const { return volumes_; }  ///< |K| of the owned cells [m3].
@@ -85,13 +87,16 @@ class FlowOperator {
   [[nodiscard]] std::array<Index, 2> sides(Index fracture_face) const;
   [[nodiscard]] bool any_owned(std::span<const Index> unknowns) const;
   [[nodiscard]] Csr graph() const;
+  struct RockSlot;
+  /// Points of the cell's owned unknowns, and its volume.
+  void place_points(const RockSlot& slot);
   void choose_drops(std::span<const physics::HydraulicProperties> rock, double viscosity,
                     std::span<const physics::FractureConductivity> fractures);
   void assemble_rock(std::span<const physics::HydraulicProperties> rock, double viscosity);
   [[nodiscard]] std::vector<Index> ridges_of_barriers(std::span<const char> barriers) const;
   void measure_fractures(std::span<const char> barriers, std::span<const Index> tight_ridges);
   void keep_rock_rows();
-  void place_points();
+  void place_fracture_points();
   /// Adds scale times the matrix of an element, `width` columns, to the owned rows.
   void add(const Element& element, std::span<const double> block, std::size_t width, double scale);
   [[nodiscard]] double fracture_form(Index fracture_face, std::span<const double> q) const;
@@ -102,6 +107,7 @@ class FlowOperator {
   std::vector<Index>
       drop_from_;  ///< Of local unknowns: the fracture face's unknown that a drop is measured from, -1 for pressures.
   std::unique_ptr<la::BlockMatrix> matrix_;
+  la::KernelLog kernels_{"flow"};
   std::vector<Vec3> points_;
   std::vector<double> volumes_, areas_;
 

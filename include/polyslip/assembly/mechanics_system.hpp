@@ -14,6 +14,7 @@
 #include "polyslip/assembly/layout.hpp"
 #include "polyslip/assembly/loads.hpp"
 #include "polyslip/la/block_matrix.hpp"
+#include "polyslip/la/kernel_log.hpp"
 #include "polyslip/physics/problem.hpp"
 
 namespace polyslip::assembly {
@@ -103,6 +104,7 @@ class MechanicsSystem {
   /// Leaves the bulk alone in P: what is computed then does not depend on earlier linearisations, to the bit.
   void forget_linearisation() { write_contact_rows(MatrixContent::bulk); }
   [[nodiscard]] Mat matrix() const { return matrix_->get(); }
+  [[nodiscard]] const la::KernelLog& kernels() const { return kernels_; }  ///< Of the assembly of the bulk.
   /// Rows of P that are nodal, with the rigid-body modes as their near null space, and those of bubbles along normals; null where bubbles
   /// are on fracture faces only (the modes are then those of P).
   [[nodiscard]] IS nodal_field() const { return nodal_field_; }
@@ -133,6 +135,9 @@ class MechanicsSystem {
 
  private:
   void assemble_bulk();
+  /// Cells without a block to condense whose displacements are `wanted`.
+  template <class Wanted>
+  [[nodiscard]] std::vector<Index> bulk_cells(Wanted&& wanted) const;
   void keep_bulk_diagonal();
   void describe_fields();
   void compute_lift();
@@ -153,6 +158,7 @@ class MechanicsSystem {
   ContactCells cells_;
   LoadAssembler load_assembler_;
   std::unique_ptr<la::BlockMatrix> matrix_;
+  la::KernelLog kernels_{"rock"};
   la::Handle<IS> nodal_field_, normal_field_;
   std::vector<Index> contact_rows_;  ///< Owned entities whose rows + cells touch.
   std::vector<double> bulk_rows_;    ///< Their values in A, in order.

@@ -24,6 +24,10 @@ void vector_weights(int dim, std::span<const Vec3> points, std::span<Vec3> g);
 /// Geometry and scalar weights w_s = g_s . n / |sigma| (sum 1, sum_s w_s x_s = x_sigma); g from vector_weights.
 FaceGeometry face_geometry(std::span<const Vec3> points, std::span<const Vec3> g, std::span<double> w);
 
+/// Floating-point operations of the two for m points.
+double vector_weights_flops(int dim, int m);
+double face_geometry_flops(int m);
+
 /// Orthonormal frame of a face, by rows: n, t_1, t_2. In 2D t_1 = (-n_y, n_x) and t_2 = e_z.
 Eigen::Matrix3d face_frame(int dim, const Vec3& normal);
 

@@ -1,4 +1,4 @@
-// summary.json, as interface.md says, with the build and the bytes an unknown.
+// summary.json, as interface.md says, with the build, the bytes an unknown, the balance between ranks and the work of assembly.
 #pragma once
 
 #include <filesystem>
@@ -27,7 +27,15 @@ struct Summary {
   } errors;
   struct { std::optional<double> max_slip, max_opening, min_pressure, max_pressure, mean_pressure; } extremes;
   struct { double total = 0, read = 0, partition = 0, assemble = 0, condense = 0, solve = 0, write = 0; } seconds;
+  /// Largest over mean of the ranks, 1 where all have the same: owned cells, owned unknowns, and the processor's seconds in the kernels.
+  struct { std::optional<double> cells, unknowns, assembly; } imbalance;
   // clang-format on
+  /// A kernel of the assembly of a field: seconds of the processor on the slowest rank, operations and bytes of all ranks.
+  struct Kernel {
+    std::string field, name;
+    double seconds = 0, flops = 0, bytes = 0;
+  };
+  std::vector<Kernel> kernels;
   std::vector<double> peak_memory_mb_per_rank;
 
   /// Peak memory of all ranks over all unknowns, eliminated ones too [bytes]; absent where memory or unknowns are not known.

@@ -32,6 +32,8 @@ class BlockMatrix {
   void add(Index row, Index col, const double* block, int stride) {
     const Slot slot = locate(row, col);
     const int rows = width(row), columns = width(col);
+    if (rows == 3 && columns == 3) return add_square<3>(slot, block, stride);
+    if (rows == 2 && columns == 2) return add_square<2>(slot, block, stride);
     for (int a = 0; a < rows; ++a)
       for (int b = 0; b < columns; ++b) slot.values[a * slot.step + b] += block[a * stride + b];
   }
@@ -68,6 +70,12 @@ class BlockMatrix {
     double* values;
     Index step;  ///< From one row to the next.
   };
+  /// Blocks of nodes, nearly all of them: the compiler unrolls what it knows the length of.
+  template <int n>
+  static void add_square(const Slot& slot, const double* block, int stride) {
+    for (int a = 0; a < n; ++a)
+      for (int b = 0; b < n; ++b) slot.values[a * slot.step + b] += block[a * stride + b];
+  }
   void add_graph_row(Index row, std::span<const Index> graph, std::span<const Index> ghost_at);
   void create(const Layout& layout, std::span<const GlobalIndex> sorted_ghosts, std::span<const Index> ghost_at);
   [[nodiscard]] Slot locate(Index row, Index col) const;

@@ -36,6 +36,9 @@ std::vector<HydraulicProperties> cell_hydraulics(const mesh::PolyMesh& mesh, con
 /// size()).
 void local_transmissibilities(const spaces::HfvCell& element, const Eigen::Matrix3d& mobility, std::span<double> T);
 
+/// Floating-point operations of T and then of the element's matrix, for n faces.
+double transmissibility_flops(int n);
+
 /// Lets nothing through face i: its p_i becomes that for which F_i = 0, and is eliminated from the other fluxes. Row and column i of
 /// T, shape (n, n), are 0 then. Faces may be sealed one after another, each once.
 void seal_face(std::span<double> T, std::size_t n, std::size_t i);

@@ -36,5 +36,7 @@ double stabilisation_factor(const Lame& lame, Stabilisation kind);
 
 /// Stiffness of one cell; `matrix` is row-major of shape (components(), components()), row first_component(j) + a.
 void local_stiffness(int dim, const spaces::VemCell& cell, const Lame& lame, double gamma, std::span<double> matrix);
+/// Its floating-point operations, but for bubbles along normals (they take another 2 dim^2 - 1 or so a block).
+double stiffness_flops(int dim, const spaces::VemCell& cell);
 
 }  // namespace polyslip::physics

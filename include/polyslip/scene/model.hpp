@@ -55,6 +55,11 @@ class Model {
   /// Between a solved step and its acceptance; nothing without flow.
   [[nodiscard]] std::optional<Books> books(double size);
 
+  // --- what has been assembled ---
+  [[nodiscard]] std::vector<const la::KernelLog*> kernels() const;
+  /// Of all fields, eliminated ones too, on this rank.
+  [[nodiscard]] double owned_unknowns() const;
+
   // --- what the solvers have done in this process ---
   [[nodiscard]] std::vector<std::string> linear_choices() const;  ///< Sentences for the log.
   [[nodiscard]] solver::LinearCounts linear_counts() const;

@@ -33,6 +33,8 @@ class HfvCell {
   void build(Index cell);
   /// A fracture face; faces() are its ridges: 2D ridge i is node i, 3D ridge i joins nodes i and i + 1 (cyclic). Throws likewise.
   void build_fracture_face(Index face);
+  /// Floating-point operations of the last build of a cell.
+  [[nodiscard]] double flops() const;
 
   [[nodiscard]] int dim() const { return dim_; }             ///< Of the element: d for a cell, d - 1 for a fracture face.
   [[nodiscard]] double measure() const { return measure_; }  ///< |K| [m^dim]
@@ -58,7 +60,7 @@ class HfvCell {
   Index cell_ = -1;
   int dim_ = 0;
   double measure_ = 0;
-  Vec3 centre_;
+  Vec3 centre_ = Vec3::Zero();
   std::vector<HfvFace> faces_;
   mutable std::vector<Vec3> points_;
   std::vector<Vec3> g_;

@@ -28,6 +28,8 @@ class VemCell {
 
   /// Computes everything for one cell.
   void build(Index cell);
+  /// Floating-point operations of the last build.
+  [[nodiscard]] double flops() const;
 
   [[nodiscard]] Index cell() const { return cell_; }
   [[nodiscard]] int n_nodes() const { return n_nodes_; }
@@ -71,7 +73,7 @@ class VemCell {
   Index cell_ = -1;
   int n_nodes_ = 0;
   double volume_ = 0, diameter_ = 0;
-  Vec3 xbar_;
+  Vec3 xbar_ = Vec3::Zero();
   std::vector<Vec3> c_, offsets_, bubble_c_, normal_c_, normals_;
   std::vector<Index> bubble_faces_, normal_faces_;
   mutable std::vector<Vec3> points_, g_;
