@@ -73,7 +73,7 @@ bool NonlinearElimination::choose_rows() {
       POLYSLIP_PETSC(MatRestoreRow(system_.matrix(), row, &n, &columns, nullptr));
     }
   std::sort(rows.begin(), rows.end());
-  if (rows != rows_) forget_window();
+  if (mpi::any(system_.mesh().comm, rows != rows_)) forget_window();
   rows_ = std::move(rows);
   PetscInt all = 0;
   POLYSLIP_PETSC(MatGetSize(system_.matrix(), &all, nullptr));
@@ -88,7 +88,7 @@ void NonlinearElimination::forget_window() {
   ksp_.reset();
 }
 
-/// Collective, as a rank without a window must take part in picking those of others.
+/// Collective, and alike on all ranks: one without a window takes part in picking those of others, and all pick anew or none.
 void NonlinearElimination::set_up_window() {
   const bool again = matrix_ != nullptr;
   if (!again)
