@@ -6,6 +6,7 @@
 #include <cstdlib>
 #include <exception>
 #include <new>
+#include <utility>
 #include <vector>
 
 #include "polyslip/common/error.hpp"
@@ -41,6 +42,8 @@ class PetscSession {
 };
 
 [[noreturn]] void abort_all(const std::string& message, int code) {
+  static bool is_ending = false;  // some MPI_Abort calls exit(), which comes here again
+  if (std::exchange(is_ending, true)) std::_Exit(code);
   std::fprintf(stderr, "polyslip: %s\n", message.c_str());
   std::fflush(nullptr);
   PMPI_Abort(PETSC_COMM_WORLD, code);
