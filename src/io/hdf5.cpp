@@ -7,11 +7,14 @@
 #include <cassert>
 
 #include "polyslip/common/error.hpp"
+#include "polyslip/common/memory.hpp"
 #include "polyslip/common/mpi.hpp"
 
 namespace polyslip::io {
 
 namespace {
+
+constexpr std::size_t needed_by_mpi = 40'000'000;  ///< ROMIO takes 16 MiB for each file, and ends the run without them [bytes].
 
 /// Last reason on HDF5's error stack, "" when there is none.
 std::string reason() {
@@ -61,6 +64,7 @@ RowRange RowRange::even(MPI_Comm comm, hsize_t total) {
 }
 
 H5File::H5File(MPI_Comm comm, const std::filesystem::path& file, Mode mode, hsize_t head_bytes) : name_(file.string()) {
+  require_memory(needed_by_mpi);
   H5Eget_auto2(H5E_DEFAULT, &print_errors_, &print_data_);
   H5Eset_auto2(H5E_DEFAULT, nullptr, nullptr);
   const H5Handle access(H5Pcreate(H5P_FILE_ACCESS), H5Pclose);

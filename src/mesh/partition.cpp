@@ -3,6 +3,7 @@
 #include <fmt/format.h>
 #include <metis.h>
 
+#include <new>
 #include <numeric>
 
 #include "polyslip/common/error.hpp"
@@ -70,11 +71,10 @@ std::vector<Index> partition_cells(const PolyMesh& mesh, Index ranks, const Part
   const auto split = ranks <= ranks_for_recursion ? METIS_PartGraphRecursive : METIS_PartGraphKway;
   const int status = split(&n_cells, &n_constraints, graph.offsets.data(), graph.neighbours.data(), graph.cell_weights.data(),
                            nullptr, graph.edge_weights.data(), &n_parts, nullptr, nullptr, settings, &cut, part.data());
-  if (status != METIS_OK) {
-    throw InputError(fmt::format("METIS could not split {} cells into {} parts (METIS status {}{})", n, ranks, status,
-                                 status == METIS_ERROR_MEMORY ? ": not enough memory" : ""),
-                     "mesh partition", "Run on fewer ranks or with more memory for rank 0");
-  }
+  if (status == METIS_ERROR_MEMORY) throw std::bad_alloc();
+  if (status != METIS_OK)
+    throw InputError(fmt::format("METIS could not split {} cells into {} parts (METIS status {})", n, ranks, status), "mesh partition",
+                     "Run on fewer ranks");
   return part;
 }
 

@@ -1,6 +1,7 @@
 #include "polyslip/scene/run.hpp"
 
 #include <csignal>
+#include <new>
 
 #include "polyslip/common/error.hpp"
 #include "polyslip/la/log_stage.hpp"
@@ -179,6 +180,9 @@ solver::StepperResult Run::step_or_explain() {
     return {solver::StepperResult::End::diverged, std::string(error.what()) + "; then go on with -restart_changed_scene"};
   } catch (const ResourceError& error) {
     explain_failure(error.what());
+    throw;
+  } catch (const std::bad_alloc&) {
+    explain_failure(mpi::out_of_memory());
     throw;
   }
 }

@@ -8,8 +8,10 @@
 #include <utility>
 
 #include "polyslip/assembly/saddle_matrix.hpp"
+#include "polyslip/common/error.hpp"
 #include "polyslip/common/mpi.hpp"
 #include "polyslip/la/log_stage.hpp"
+#include "polyslip/la/memory.hpp"
 
 namespace polyslip::solver {
 
@@ -252,10 +254,19 @@ std::string ContactNewton::why(SNESConvergedReason reason) const {
   return "no convergence; -snes_max_it allows more iterations";
 }
 
+/// An exception must not pass through PETSc's frames: the solvers leave word.
+void ContactNewton::refuse_lack_of_memory() const {
+  KSP ksp = nullptr;
+  POLYSLIP_PETSC(SNESGetKSP(snes_, &ksp));
+  const std::string lack = linear_ ? linear_->lack_of_memory() : la::lack_of_memory(ksp, "contact.formulation: condensed");
+  if (!lack.empty()) throw ResourceError(lack);
+}
+
 bool ContactNewton::run(Vec x, const std::string& remedy, NewtonResult& result) {
   if (stopped_) return false;
   remedy_ = remedy;
   POLYSLIP_PETSC(SNESSolve(snes_, nullptr, x));
+  refuse_lack_of_memory();
   SNESConvergedReason reason = SNES_CONVERGED_ITERATING;
   PetscInt iterations = 0;
   POLYSLIP_PETSC(SNESGetConvergedReason(snes_, &reason));

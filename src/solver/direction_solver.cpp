@@ -3,17 +3,19 @@
 #include <algorithm>
 
 #include "polyslip/common/mpi.hpp"
+#include "polyslip/la/memory.hpp"
 
 namespace polyslip::solver {
 
 using physics::ContactState;
 
-PetscErrorCode DirectionSolver::count(KSP ksp) {
+PetscErrorCode DirectionSolver::count(KSP ksp, const char* remedy) {
   KSPConvergedReason reason = KSP_CONVERGED_ITERATING;
   PetscInt its = 0;
   PetscFunctionBeginUser;
   PetscCall(KSPGetConvergedReason(ksp, &reason));
   PetscCall(KSPGetIterationNumber(ksp, &its));
+  PetscCallCXX(lack_of_memory_ = la::lack_of_memory(ksp, remedy));
   failed_ = reason < 0 && reason != KSP_DIVERGED_ITS;
   last_iterations_ = static_cast<int>(its);
   counts_.iterations += last_iterations_;

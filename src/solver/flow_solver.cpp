@@ -5,6 +5,7 @@
 #include <algorithm>
 
 #include "polyslip/common/error.hpp"
+#include "polyslip/la/memory.hpp"
 #include "polyslip/la/options.hpp"
 #include "polyslip/solver/pressure_multigrid.hpp"
 
@@ -53,6 +54,7 @@ void FlowSolver::choose() {
   POLYSLIP_PETSC(KSPSetType(ksp_, KSPCG));
   POLYSLIP_PETSC(KSPSetNormType(ksp_, KSP_NORM_NATURAL));
   POLYSLIP_PETSC(KSPSetTolerances(ksp_, 1e-8, 0.0, PETSC_DEFAULT, 500));
+  la::default_option(prefix, "pc_factor_mat_solver_type", MATSOLVERMUMPS);
   if (la::user_sets(prefix, "-pc_type")) {
     choice_ = "pressure solver: as the options say";
     if (la::user_chooses(prefix, "-pc_type", PCHYPRE)) default_pressure_multigrid(prefix, dim);
@@ -60,7 +62,6 @@ void FlowSolver::choose() {
     POLYSLIP_PETSC(KSPSetType(ksp_, KSPPREONLY));
     POLYSLIP_PETSC(KSPSetNormType(ksp_, KSP_NORM_NONE));
     POLYSLIP_PETSC(PCSetType(pc, PCCHOLESKY));
-    POLYSLIP_PETSC(PCFactorSetMatSolverType(pc, MATSOLVERMUMPS));
     choice_ = fmt::format(
         "pressure solver: sparse Cholesky (MUMPS), as {} unknowns in {}D are at most {}; -pressure_pc_type hypre for multigrid",
         unknowns, dim, limit);
@@ -97,6 +98,7 @@ void FlowSolver::count(FlowStep& step) {
   counts_.iterations += iterations;
   counts_.max_per_solve = std::max(counts_.max_per_solve, iterations);
   if (reason > 0) return;
+  if (const std::string lack = la::lack_of_memory(ksp_, "-pressure_pc_type hypre"); !lack.empty()) throw ResourceError(lack);
   step.converged = false;
   step.message = fmt::format("the pressure solver stopped after {} iterations ({}); -pressure_pc_type cholesky may help", its,
                              KSPConvergedReasons[reason]);

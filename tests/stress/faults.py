@@ -22,6 +22,19 @@ EACH_STEP = ("-set", "output.every=1")
 SERIES = ("matrix", "fractures")
 
 
+# One step, with limits [MB] that the run meets while it reads, orders, factorises, sets up multigrid or writes.
+FINE, FINE_WET = ("-set", "time.end=0.05", "-set", "mesh.box.cells=[200,200]"), ("-set", "time.end=20", "-set", "mesh.box.cells=[100,100]")
+LIMITED = ((SCENE, FINE, range(400, 690, 20)),
+           ("wet_crack.yaml", FINE_WET, range(560, 720, 30)),
+           (SCENE, (*FINE, "-displacement_pc_type", "gamg"), range(560, 650, 30)),
+           (SCENE, (*FINE, "-displacement_pc_type", "hypre"), range(560, 650, 30)))
+
+
+def limited_to(megabytes):
+    """What makes a process one of so much memory."""
+    return lambda: resource.setrlimit(resource.RLIMIT_AS, (megabytes * 1_000_000, resource.RLIM_INFINITY))
+
+
 def mounted(folder, kilobytes):
     """Whether a small file system could be mounted on the folder."""
     return subprocess.run(["mount", "-t", "tmpfs", "-o", f"size={kilobytes}k", "tmpfs", folder], capture_output=True, check=False).returncode == 0
@@ -114,15 +127,29 @@ class Faults(unittest.TestCase):
         self.assert_goes_on_as_if_nothing_had_happened("-restart", ranks=2)
 
     def test_lack_of_memory_is_told(self):
-        def limited():
-            resource.setrlimit(resource.RLIMIT_AS, (1_500_000_000, resource.RLIM_INFINITY))
-
         for cells in ("[1500,1500]", "[3000,3000]"):
-            log = run(SCENE, self.parts, "-set", f"mesh.box.cells={cells}", expect=4, preexec_fn=limited)
+            log = run(SCENE, self.parts, "-set", f"mesh.box.cells={cells}", expect=4, preexec_fn=limited_to(1500))
             self.assertRegex(log, r"polyslip: out of memory: this rank has used \d+ MB and gets no more\. Use fewer cells")
         log = run(SCENE, self.parts, "-set", "mesh.box.cells=[45000,45000]", expect=2)
         self.assertRegex(log, r"load_history.yaml:\d+, mesh.box.cells: 2.02e\+09 cells do not fit into|"
                               r"do not fit into the \S+ GB of this machine's memory")
+
+    def test_lack_of_memory_in_a_library_is_told(self):
+        logs = []
+        for scene, words, limits in LIMITED:
+            for megabytes in limits:
+                with self.subTest(scene=scene, words=words[-1], megabytes=megabytes):
+                    process = start(scene, self.parts, *words, preexec_fn=limited_to(megabytes))
+                    try:
+                        logs.append(process.communicate(timeout=60)[0])
+                    finally:
+                        process.kill()
+                    self.assertIn(process.returncode, (0, 4), logs[-1])
+                    self.assertNotRegex(logs[-1], "rejected|PETSC ERROR")
+                    if process.returncode == 4:
+                        self.assertRegex(logs[-1], r"polyslip: .*out of memory: .*\d+ MB .*(Use|use|needs) .*")
+        for words in ("MUMPS asks for", "more to factorise", "-displacement_pc_type gamg needs less", "-coupled_pc_type fieldsplit needs less"):
+            self.assertIn(words, "".join(logs))
 
     # Checkpoints
 

@@ -81,4 +81,6 @@ class RealMeshExactness(unittest.TestCase):
 
 ARGUMENTS = [word for word in sys.argv[1:] if word == "--all"]
 if __name__ == "__main__":
+    os.environ.setdefault("POLYSLIP", str(ROOT / "build/release/polyslip"))  # as CTest sets them
+    os.environ.setdefault("POLYSLIP_EXAMPLES", str(ROOT / "examples"))
     unittest.main(argv=[word for word in sys.argv if word not in ARGUMENTS])

@@ -13,9 +13,12 @@
 
 namespace polyslip::la {
 
+/// Throws ResourceError for PETSC_ERR_MEM, std::runtime_error for other codes.
+[[noreturn]] void fail(PetscErrorCode code, const char* where);
+
 /// Turns a PETSc error code into an exception; for code outside PETSc callbacks.
 inline void check(PetscErrorCode code, const char* where) {
-  if (code != 0) throw std::runtime_error(std::string("PETSc error ") + std::to_string(code) + " in " + where);
+  if (code != 0) fail(code, where);
 }
 
 template <class T>
@@ -71,5 +74,5 @@ class Handle {
 
 }  // namespace polyslip::la
 
-/// Checks a PETSc call outside callbacks: throws std::runtime_error.
+/// Checks a PETSc call outside callbacks: throws as fail() does.
 #define POLYSLIP_PETSC(call) ::polyslip::la::check((call), #call)

@@ -80,6 +80,7 @@ class ContactNewton {
   [[nodiscard]] double worth_solving() const;
   [[nodiscard]] bool moves_active_set(Vec direction) const;  ///< The whole step does, from where Newton stands.
   [[nodiscard]] std::string why(SNESConvergedReason reason) const;
+  void refuse_lack_of_memory() const;
   void record(int iteration, const assembly::ResidualNorms& norms);
 
   static PetscErrorCode form_residual(SNES, Vec, Vec, void*);

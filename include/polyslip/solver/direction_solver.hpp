@@ -41,10 +41,12 @@ class DirectionSolver {
   [[nodiscard]] int last_iterations() const { return last_iterations_; }
   /// Whether the last solve broke down (an inexact one that only ran out of iterations is no failure).
   [[nodiscard]] bool failed() const { return failed_; }
+  /// A sentence if it did so for lack of memory.
+  [[nodiscard]] const std::string& lack_of_memory() const { return lack_of_memory_; }
 
  protected:
-  /// Books a solve that ksp has done.
-  PetscErrorCode count(KSP ksp);
+  /// Books a solve that ksp has done; `remedy` is what needs less memory.
+  PetscErrorCode count(KSP ksp, const char* remedy);
   /// Takes over the states of the owned faces; returns how many faces, over all ranks, have changed with that: all where there were none
   /// before, or if the matrix changed `everywhere`.
   long long take_over(MPI_Comm comm, const std::vector<physics::ContactState>& states, bool everywhere);
@@ -55,6 +57,7 @@ class DirectionSolver {
   LinearCounts counts_;
   int last_iterations_ = 0;
   bool failed_ = false;
+  std::string lack_of_memory_;
 };
 
 }  // namespace polyslip::solver

@@ -1,0 +1,15 @@
+#include "polyslip/la/handle.hpp"
+
+#include <fmt/format.h>
+
+#include "polyslip/common/error.hpp"
+#include "polyslip/common/mpi.hpp"
+
+namespace polyslip::la {
+
+void fail(PetscErrorCode code, const char* where) {
+  if (code == PETSC_ERR_MEM) throw ResourceError(mpi::out_of_memory());
+  throw std::runtime_error(fmt::format("PETSc error {} in {}", static_cast<int>(code), where));
+}
+
+}  // namespace polyslip::la
