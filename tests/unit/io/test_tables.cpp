@@ -72,6 +72,8 @@ io::Summary example() {
   s.newton.total = 9;
   s.errors.jump_tangential_l2 = 0.1125;
   s.extremes.max_slip = std::numeric_limits<double>::quiet_NaN();
+  s.imbalance.cells = 1.02;
+  s.kernels = {{"rock", "geometry", 0.5, 1e9, 2e8}};
   s.peak_memory_mb_per_rank = {12.5, 13};
   return s;
 }
@@ -97,6 +99,8 @@ const std::vector<std::pair<std::string, std::vector<std::string>>>& promised_ke
         "jump_tangential_l2", "pressure_l2", "flux_l2"}},
       {"extremes", {"max_slip", "max_opening", "min_pressure", "max_pressure", "mean_pressure"}},
       {"seconds", {"total", "read", "partition", "assemble", "condense", "solve", "write"}},
+      {"imbalance", {"cells", "unknowns", "assembly"}},
+      {"kernels", {"rock"}},
       {"peak_memory_mb_per_rank", {}},
       {"bytes_per_unknown", {}}};
   return keys;
