@@ -89,7 +89,7 @@ class ContactScene {
 
   /// Newton from zero to round-off.
   solver::NewtonResult solve() {
-    const ScopedOption tight("-snes_rtol", "1e-12");
+    const ScopedOption tight("-snes_rtol", "1e-13");
     solver::ContactNewton newton(*system);
     return newton.solve(x);
   }
