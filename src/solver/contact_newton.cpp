@@ -217,9 +217,9 @@ PetscErrorCode ContactNewton::test_convergence(SNES snes, PetscInt iteration, Pe
 }
 
 /// Solves what a few faces leave of the contact law before the whole system is solved again. Not before the first step, which balances
-/// momentum.
+/// momentum; nor among the later remedies, as windows and the whole may disagree about an active set for ever.
 bool ContactNewton::eliminate(int iteration, Vec x, Vec f) {
-  if (iteration == 0 || system_.fracture_faces() == 0 || linear_->failed()) return false;
+  if (iteration == 0 || !may_eliminate_ || system_.fracture_faces() == 0 || linear_->failed()) return false;
   if (!elimination_) elimination_.emplace(system_);
   const la::LogStage stage("eliminate", seconds_.solve);
   if (!elimination_->improve(x, f)) return false;
@@ -373,7 +373,7 @@ NewtonResult ContactNewton::solve_by_remedies(Vec x) {
   start_step();
   system_.impose_dirichlet(x);
   POLYSLIP_PETSC(VecCopy(x, start_));
-  may_soften_ = true;
+  may_soften_ = may_eliminate_ = true;
   bool converged = climb(x, {1, 1, false, ""}, result);
   may_soften_ = false;
   if (!converged && unsettled_) {
@@ -381,6 +381,7 @@ NewtonResult ContactNewton::solve_by_remedies(Vec x) {
     converged = climb(x, {beta_after_springs, 1, true, ""}, result);
   }
   if (converged || system_.fracture_faces() == 0) return result;  // a linear problem has no remedy here
+  may_eliminate_ = false;
   static constexpr Rung ladder[] = {{0.3, 1, true, "springs first"},
                                     {0.1, 1, false, "another beta"},
                                     {10, 1, false, "another beta"},

@@ -98,7 +98,7 @@ class ContactNewton {
   la::Handle<Vec> residual_, start_, lagged_;
   bool law_changed_ = true;  ///< On faces that keep their state too, since the matrix was written last.
   std::string remedy_;
-  bool may_soften_ = false, unsettled_ = false, stopped_ = false;
+  bool may_soften_ = false, may_eliminate_ = false, unsettled_ = false, stopped_ = false;
   assembly::ResidualNorms norms_;
   NewtonSeconds seconds_;
   LinearCounts saddle_counts_;
