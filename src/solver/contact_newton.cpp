@@ -180,7 +180,10 @@ PetscErrorCode ContactNewton::test_convergence(SNES snes, PetscInt iteration, Pe
   PetscCall(SNESGetSolution(snes, &x));
   PetscCall(SNESGetFunction(snes, &f, nullptr, nullptr));
   PetscCall(SNESGetTolerances(snes, &atol, &rtol, nullptr, &max_it, nullptr));
-  if (iteration == 0) PetscCallCXX(self->trace_.start(x));
+  if (iteration == 0) {
+    PetscCallCXX(self->trace_.start(x));
+    self->eliminated_imbalance_ = self->may_eliminate_ ? INFINITY : 0;
+  }
   PetscCallCXX(self->norms_ = self->system_.norms(x, f));
   const assembly::ResidualNorms& n = self->norms_;
   // The line search has only taken alpha J y off the linear rows. Behind a step that was much larger than x (of a pressure that a closed
@@ -189,11 +192,7 @@ PetscErrorCode ContactNewton::test_convergence(SNES snes, PetscInt iteration, Pe
     PetscCall(SNESComputeFunction(snes, x, f));
     PetscCallCXX(self->norms_ = self->system_.norms(x, f));
   }
-  if (!is_solved(n, atol, rtol) && self->linear_ && max_it > 1) {
-    bool changed = false;
-    PetscCallCXX(changed = self->eliminate(static_cast<int>(iteration), x, f));
-    if (changed) PetscCallCXX(self->norms_ = self->system_.norms(x, f));
-  }
+  if (iteration > 0 && max_it > 1 && !is_solved(n, atol, rtol)) PetscCallCXX(self->eliminate(x, f));
   // Contact rows that are nearer to zero than the momentum rows by far tell nothing: a loose solve may leave them so, and the step that
   // balances momentum may well raise them.
   const double imbalance = n.momentum_scale > 0 ? 10 * n.momentum / n.momentum_scale : 0;
@@ -217,14 +216,16 @@ PetscErrorCode ContactNewton::test_convergence(SNES snes, PetscInt iteration, Pe
 }
 
 /// Solves what a few faces leave of the contact law before the whole system is solved again. Not before the first step, which balances
-/// momentum; nor among the later remedies, as windows and the whole may disagree about an active set for ever.
-bool ContactNewton::eliminate(int iteration, Vec x, Vec f) {
-  if (iteration == 0 || !may_eliminate_ || system_.fracture_faces() == 0 || linear_->failed()) return false;
+/// momentum; nor once that leaves more of the momentum rows than it did before, nor among the later remedies: windows and the whole may
+/// disagree about an active set for ever.
+void ContactNewton::eliminate(Vec x, Vec f) {
+  if (eliminated_imbalance_ == 0 || system_.fracture_faces() == 0 || !linear_ || linear_->failed()) return;
   if (!elimination_) elimination_.emplace(system_);
   const la::LogStage stage("eliminate", seconds_.solve);
-  if (!elimination_->improve(x, f)) return false;
+  if (!elimination_->improve(x, f)) return;
   trace_.adjust(x);
-  return true;
+  norms_ = system_.norms(x, f);
+  eliminated_imbalance_ = norms_.momentum < eliminated_imbalance_ ? norms_.momentum : 0;
 }
 
 /// Many faces open or close in the first step, or change at all in the second: springs get there sooner than one layer of faces a step.

@@ -76,7 +76,7 @@ class ContactNewton {
   void approach_by_springs(Vec x, NewtonResult& result);
   bool try_lagged_friction(Vec x, NewtonResult& result);
   bool is_unsettled(int iteration);
-  bool eliminate(int iteration, Vec x, Vec f);
+  void eliminate(Vec x, Vec f);
   [[nodiscard]] double worth_solving() const;
   [[nodiscard]] bool moves_active_set(Vec direction) const;  ///< The whole step does, from where Newton stands.
   [[nodiscard]] std::string why(SNESConvergedReason reason) const;
@@ -99,6 +99,7 @@ class ContactNewton {
   bool law_changed_ = true;  ///< On faces that keep their state too, since the matrix was written last.
   std::string remedy_;
   bool may_soften_ = false, may_eliminate_ = false, unsettled_ = false, stopped_ = false;
+  double eliminated_imbalance_ = 0;  ///< Momentum rows after the last elimination of a run; 0: no more of them [N].
   assembly::ResidualNorms norms_;
   NewtonSeconds seconds_;
   LinearCounts saddle_counts_;
