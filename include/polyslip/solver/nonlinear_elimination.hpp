@@ -4,8 +4,8 @@
 // Towards the end a few faces change state, or turn their slip, one after the other, and each costs Newton an iteration of the whole system.
 // With S the faces whose contact rows are unsettled and W the displacements of the + cells of S and of their neighbours in the matrix:
 //   Newton on (u_W, all bubbles, all multipliers), all other displacements (and pressures) held,
-// until the contact rows have fallen to a hundredth, or W is large. S grows on the way. A step costs what a few unknowns cost; the momentum rows around W
-// take up what it leaves, and the next Newton iteration spreads it.
+// until the contact rows have fallen to a hundredth, or W is large. S grows on the way. A step costs what a few unknowns cost; the momentum
+// rows around W take up what it leaves, and the next Newton iteration spreads it.
 //
 // Each rank has windows of the displacements it owns.
 #pragma once
@@ -23,8 +23,7 @@ class NonlinearElimination {
   NonlinearElimination(const NonlinearElimination&) = delete;
   NonlinearElimination& operator=(const NonlinearElimination&) = delete;
 
-  /// Improves x and brings f = F(x) up to date; leaves both where that does not help. Returns
-  /// whether x is another. Collective.
+  /// Improves x and brings f = F(x) up to date; leaves both where that does not help. Returns whether x is another. Collective.
   bool improve(Vec x, Vec f);
 
  private:
