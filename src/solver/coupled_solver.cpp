@@ -109,8 +109,7 @@ void CoupledSolver::split_fields(PC pc) {
   la::default_option(u, "pc_type", displacement_multigrid(system_));
   default_displacement_multigrid(system_, u);
   la::default_option(p, "ksp_type", "preonly");
-  la::default_option(p, "pc_type", "hypre");
-  default_pressure_multigrid(p, system_.layout().dim());
+  default_condensed_multigrid(p, system_.layout().dim());
 
   // b^2 |K|/K_dr on owned cells
   compressibility_ = system_.flow().layout().create_vector();
@@ -194,13 +193,17 @@ void CoupledSolver::set_up_blocks(bool again) {
     }
   }
   POLYSLIP_PETSC(KSPSetReusePreconditioner(ksp_, PETSC_TRUE));
-  PC pc = nullptr, displacement = nullptr;
+  PC pc = nullptr, displacement = nullptr, pressure = nullptr;
   PetscInt n = 0;
   KSP* blocks = nullptr;
   POLYSLIP_PETSC(KSPGetPC(ksp_, &pc));
   POLYSLIP_PETSC(PCFieldSplitSchurGetSubKSP(pc, &n, &blocks));
   POLYSLIP_PETSC(KSPGetPC(blocks[0], &displacement));
-  if (again) split_displacement(system_, displacement);
+  POLYSLIP_PETSC(KSPGetPC(blocks[1], &pressure));
+  if (again) {
+    split_displacement(system_, displacement);
+    split_pressure(system_.flow(), pressure);
+  }
   const bool updates = changes_ && (again || la::HierarchyUpdate::can_update(displacement));
   // Without an update at hand the block sets itself up when its matrix has changed.
   POLYSLIP_PETSC(KSPSetReusePreconditioner(blocks[0], updates ? PETSC_TRUE : PETSC_FALSE));

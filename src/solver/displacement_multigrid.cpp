@@ -1,6 +1,7 @@
 #include "polyslip/solver/displacement_multigrid.hpp"
 
 #include "polyslip/common/mpi.hpp"
+#include "polyslip/la/field_split.hpp"
 #include "polyslip/la/options.hpp"
 
 namespace polyslip::solver {
@@ -45,11 +46,9 @@ void default_displacement_multigrid(const assembly::MechanicsSystem& system, con
 }
 
 void split_displacement(const assembly::MechanicsSystem& system, PC pc) {
-  PetscBool splits = PETSC_FALSE;
-  POLYSLIP_PETSC(PetscObjectTypeCompare(reinterpret_cast<PetscObject>(pc), PCFIELDSPLIT, &splits));
-  if (!splits || !is_split(system)) return;
-  POLYSLIP_PETSC(PCFieldSplitSetIS(pc, "normal", system.normal_field()));
-  POLYSLIP_PETSC(PCFieldSplitSetIS(pc, "nodal", system.nodal_field()));
+  if (!la::is_field_split(pc) || !is_split(system)) return;
+  la::define_field(pc, "normal", system.normal_field());
+  la::define_field(pc, "nodal", system.nodal_field());
 }
 
 }  // namespace polyslip::solver

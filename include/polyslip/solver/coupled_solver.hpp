@@ -7,7 +7,8 @@
 //       [ P_u  A_up ] [u]   [r_u]      S_fs = S' + diag( b^2 |K|/K_dr  on cells,  |sigma| l/(2 mu + lambda) on open fracture faces ),
 //       [      S_fs ] [p] = [r_p]      K_dr = lambda + 2 mu/d,   l^2 = h_K times the length of the fracture
 //    (fixed stress), one multigrid cycle for each block: coupled_fieldsplit_displacement_ (GAMG with rigid-body modes, on the matrix with the
-//    friction bounds held) and coupled_fieldsplit_pressure_, whose matrix is kept while few faces open or close.
+//    friction bounds held) and coupled_fieldsplit_pressure_ (BoomerAMG, cells condensed out), whose matrix is kept while few faces open or
+//    close.
 // -coupled_pc_type lu or fieldsplit chooses.
 #pragma once
 

@@ -1,0 +1,21 @@
+// Fields of PCFIELDSPLIT that are known by their rows.
+#pragma once
+
+#include "polyslip/la/handle.hpp"
+
+namespace polyslip::la {
+
+inline bool is_field_split(PC pc) {
+  PetscBool splits = PETSC_FALSE;
+  POLYSLIP_PETSC(PetscObjectTypeCompare(reinterpret_cast<PetscObject>(pc), PCFIELDSPLIT, &splits));
+  return splits == PETSC_TRUE;
+}
+
+/// Names the rows of a field, once for all: PETSc would take the same field, told again at a later set-up, for one more.
+inline void define_field(PC pc, const char* name, IS rows) {
+  IS known = nullptr;
+  POLYSLIP_PETSC(PCFieldSplitGetIS(pc, name, &known));
+  if (known == nullptr) POLYSLIP_PETSC(PCFieldSplitSetIS(pc, name, rows));
+}
+
+}  // namespace polyslip::la
