@@ -229,14 +229,17 @@ void ContactNewton::eliminate(Vec x, Vec f) {
 }
 
 /// Many faces open or close in the first step, or change at all in the second: springs get there sooner than one layer of faces a step.
-/// Not where the contact rows are nearly solved: the last spring leaves about as much of them.
+/// Not where the contact rows are nearly solved, as the last spring leaves about as much of them; nor where nearly all faces have come to
+/// the same state.
 bool ContactNewton::is_unsettled(int iteration) {
   if (norms_.contact < nearly_solved * norms_.contact_scale) return unsettled_ = false;
   const auto many = [&](long long faces, double share) {
     return static_cast<double>(faces) > std::max(16.0, share * system_.fracture_faces());
   };
-  unsettled_ = may_soften_ && ((iteration == 1 && many(trace_.opened_or_closed, 0.05)) || (iteration == 2 && many(trace_.changed, 0.1)));
-  return unsettled_;
+  const auto& faces = trace_.counts.faces;
+  const long long others = system_.fracture_faces() - *std::max_element(faces.begin(), faces.end());
+  const bool moves = iteration == 1 ? many(trace_.opened_or_closed, 0.05) && many(others, 0.05) : iteration == 2 && many(trace_.changed, 0.1);
+  return unsettled_ = may_soften_ && moves;
 }
 
 void ContactNewton::record(int iteration, const assembly::ResidualNorms& n) {
