@@ -17,7 +17,7 @@ from bench_roofline import measured
 from bench_studies import KEY
 
 ROOT = Path(__file__).resolve().parent.parent
-ENVIRONMENT = {"OPENBLAS_NUM_THREADS": "1", "OMPI_ALLOW_RUN_AS_ROOT": "1", "OMPI_ALLOW_RUN_AS_ROOT_CONFIRM": "1", "OMPI_MCA_mpi_yield_when_idle": "1"}
+ENVIRONMENT = {"OPENBLAS_NUM_THREADS": "1", "OMPI_ALLOW_RUN_AS_ROOT": "1", "OMPI_ALLOW_RUN_AS_ROOT_CONFIRM": "1"}
 LAUNCHER = ["mpirun", "--oversubscribe", "--bind-to", "none", "-n"]
 STATUS = {0: "finished", 2: "refused", 3: "diverged"}
 LEADING = [*KEY, "repeat", "status", "reason", "load", "wall", "cpu"]  # the other columns are those of the summaries

@@ -138,6 +138,7 @@ bool NonlinearElimination::step(Vec x, Vec f) {
 }
 
 bool NonlinearElimination::improve(Vec x, Vec f) {
+  if (most_ <= 0) return false;
   measure(f);
   const double start = total_;
   is_unsettled_.assign(sizes_.size(), 0);

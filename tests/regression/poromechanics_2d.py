@@ -38,7 +38,7 @@ class Poromechanics2d(StoredTables):
 
     def test_recipes_of_options_give_the_same_and_are_used_whole(self):
         options = Path(__file__).parents[2] / "options"
-        for recipe in ("fixed_stress_amg", "sequential"):
+        for recipe in ("fixed_stress_amg", "fixed_stress_flat", "sequential"):
             with self.subTest(recipe=recipe):
                 run = Run("poromechanics_2d", options=("-options_file", str(options / f"{recipe}.opts"), "-coupled_mistaken", "1"))
                 warnings = [line for line in run.log.splitlines() if "was not used" in line]
