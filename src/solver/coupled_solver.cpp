@@ -229,30 +229,14 @@ void CoupledSolver::matrix_changed(const std::vector<ContactState>& states, bool
   set_up(!has_preconditioner_ || many || costly || plain);
 }
 
-PetscErrorCode CoupledSolver::run(double rtol, double target) {
-  PetscReal user_rtol = 0, dtol = 0;
-  PetscInt max_it = 0;
-  PetscFunctionBeginUser;
-  PetscCall(KSPGetTolerances(ksp_, &user_rtol, nullptr, &dtol, &max_it));
-  PetscCall(KSPSetTolerances(ksp_, std::max(rtol, user_rtol), target, dtol, max_it));
-  PetscCall(KSPSolve(ksp_, rhs_, solution_));
-  PetscCall(KSPSetTolerances(ksp_, user_rtol, target, dtol, max_it));
-  PetscCall(count(ksp_, "-coupled_pc_type fieldsplit"));
-  if (iterations_after_setup_ < 0) iterations_after_setup_ = last_iterations_;
-  PetscFunctionReturn(0);
-}
-
 PetscErrorCode CoupledSolver::solve(Vec f, Vec direction, const assembly::ResidualNorms& norms, double newton_rtol, bool loose) {
   PetscFunctionBeginUser;
   const double flow = std::max(norms.flow_floor, newton_rtol * norms.flow_scale) * system_.pressure_scale();
   const double target = 0.1 * std::min(newton_rtol * norms.momentum_scale, flow);
   const double rtol = loose && (!factorises_ || is_reused_) ? loose_rtol_ : 0.0;
   PetscCallCXX(system_.condense_residual(f, rhs_));
-  PetscCall(run(rtol, target));
-  if (failed_ && is_reused_) {
-    PetscCallCXX(set_up(true));
-    PetscCall(run(rtol, target));
-  }
+  PetscCall(run(ksp_, rhs_, solution_, rtol, target, "-coupled_pc_type fieldsplit"));
+  if (iterations_after_setup_ < 0) iterations_after_setup_ = last_iterations_;
   PetscCallCXX(system_.recover(f, solution_, direction));
   PetscFunctionReturn(0);
 }

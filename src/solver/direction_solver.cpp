@@ -9,10 +9,25 @@ namespace polyslip::solver {
 
 using physics::ContactState;
 
-PetscErrorCode DirectionSolver::count(KSP ksp, const char* remedy) {
-  KSPConvergedReason reason = KSP_CONVERGED_ITERATING;
-  PetscInt its = 0;
+PetscErrorCode DirectionSolver::run(KSP ksp, Vec rhs, Vec solution, double rtol, double target, const char* remedy) {
   PetscFunctionBeginUser;
+  PetscCall(run_once(ksp, rhs, solution, rtol, target, remedy));
+  if (failed_ && is_reused_) {
+    PetscCallCXX(set_up_again());
+    PetscCall(run_once(ksp, rhs, solution, rtol, target, remedy));
+  }
+  PetscFunctionReturn(0);
+}
+
+PetscErrorCode DirectionSolver::run_once(KSP ksp, Vec rhs, Vec solution, double rtol, double target, const char* remedy) {
+  PetscReal user_rtol = 0, dtol = 0;
+  PetscInt max_it = 0, its = 0;
+  KSPConvergedReason reason = KSP_CONVERGED_ITERATING;
+  PetscFunctionBeginUser;
+  PetscCall(KSPGetTolerances(ksp, &user_rtol, nullptr, &dtol, &max_it));
+  PetscCall(KSPSetTolerances(ksp, std::max(rtol, user_rtol), target, dtol, max_it));
+  PetscCall(KSPSolve(ksp, rhs, solution));
+  PetscCall(KSPSetTolerances(ksp, user_rtol, target, dtol, max_it));
   PetscCall(KSPGetConvergedReason(ksp, &reason));
   PetscCall(KSPGetIterationNumber(ksp, &its));
   PetscCallCXX(lack_of_memory_ = la::lack_of_memory(ksp, remedy));

@@ -15,7 +15,7 @@ using physics::ContactState;
 
 namespace {
 
-constexpr const char* prefix = "displacement_";
+constexpr const char *prefix = "displacement_", *memory_remedy = "-displacement_pc_type gamg";
 constexpr GlobalIndex direct_limit_2d = 1'000'000, direct_limit_3d = 12'000;  ///< Unknowns up to which a factorisation is the faster choice.
 
 PetscErrorCode apply_exact(Mat shell, Vec x, Vec y) {
@@ -178,34 +178,11 @@ bool LinearSolver::update_hierarchy() {
   return true;
 }
 
-PetscErrorCode LinearSolver::run_once(double rtol, double target) {
-  PetscFunctionBeginUser;
-  PetscReal user_rtol = 0, dtol = 0;
-  PetscInt max_it = 0;
-  PetscCall(KSPGetTolerances(ksp_, &user_rtol, nullptr, &dtol, &max_it));
-  PetscCall(KSPSetTolerances(ksp_, std::max(rtol, user_rtol), target, dtol, max_it));
-  PetscCall(KSPSolve(ksp_, rhs_, solution_));
-  PetscCall(KSPSetTolerances(ksp_, user_rtol, target, dtol, max_it));
-  PetscCall(count(ksp_, "-displacement_pc_type gamg"));
-  PetscFunctionReturn(0);
-}
-
-PetscErrorCode LinearSolver::run(double rtol, double target) {
-  PetscFunctionBeginUser;
-  PetscCall(run_once(rtol, target));
-  if (failed_ && is_reused_) {
-    // The old preconditioner did not serve this matrix.
-    PetscCallCXX(set_up_preconditioner(true));
-    PetscCall(run_once(rtol, target));
-  }
-  PetscFunctionReturn(0);
-}
-
 PetscErrorCode LinearSolver::solve(Vec f, Vec direction, const assembly::ResidualNorms& norms, double newton_rtol, bool loose) {
   PetscFunctionBeginUser;
   const double rtol = loose && !factorises_ ? loose_rtol_ : 0.0, target = 0.1 * newton_rtol * norms.momentum_scale;
   PetscCallCXX(system_.condense_residual(f, rhs_));
-  PetscCall(run(rtol, target));
+  PetscCall(run(ksp_, rhs_, solution_, rtol, target, memory_remedy));
   if ((!loose || factorises_) && iterations_after_setup_ < 0) iterations_after_setup_ = last_iterations_;
   PetscCallCXX(system_.recover(f, solution_, direction));
   PetscFunctionReturn(0);
@@ -215,7 +192,7 @@ PetscErrorCode LinearSolver::refine(Vec f, Vec direction, const assembly::Residu
   PetscFunctionBeginUser;
   const int before = last_iterations_;
   PetscCall(KSPSetInitialGuessNonzero(ksp_, PETSC_TRUE));
-  PetscCall(run(0.0, 0.1 * newton_rtol * norms.momentum_scale));
+  PetscCall(run(ksp_, rhs_, solution_, 0.0, 0.1 * newton_rtol * norms.momentum_scale, memory_remedy));
   PetscCall(KSPSetInitialGuessNonzero(ksp_, PETSC_FALSE));
   last_iterations_ += before;
   counts_.max_per_solve = std::max(counts_.max_per_solve, last_iterations_);

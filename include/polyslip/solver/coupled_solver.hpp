@@ -33,6 +33,7 @@ class CoupledSolver final : public DirectionSolver {
   [[nodiscard]] KSP ksp() const { return ksp_; }
 
  private:
+  void set_up_again() override { set_up(true); }
   void choose();
   void split_fields(PC pc);
   void set_up(bool again);
@@ -40,7 +41,6 @@ class CoupledSolver final : public DirectionSolver {
   void set_up_blocks(bool again);
   void write_fixed_stress();
   [[nodiscard]] bool fixed_stress_is_stale() const;
-  PetscErrorCode run(double rtol, double target);
 
   assembly::CoupledSystem& system_;
   la::Handle<KSP> ksp_;
@@ -53,7 +53,7 @@ class CoupledSolver final : public DirectionSolver {
   assembly::MechanicsSystem::MatrixContent content_ = assembly::MechanicsSystem::MatrixContent::symmetric;
   std::string choice_;
   PetscReal loose_rtol_ = 1e-3;  ///< -coupled_loose_rtol: of multigrid and of an old factorisation
-  bool factorises_ = false, has_preconditioner_ = false, is_reused_ = false;
+  bool factorises_ = false, has_preconditioner_ = false;
   std::vector<physics::ContactState> states_of_fixed_stress_;  ///< Of the owned faces.
   long long changed_since_setup_ = 0, flow_of_fixed_stress_ = -1;  ///< The latter is a CoupledSystem::flow_matrix_version.
   int iterations_after_setup_ = -1;

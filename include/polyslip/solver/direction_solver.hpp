@@ -45,8 +45,11 @@ class DirectionSolver {
   [[nodiscard]] const std::string& lack_of_memory() const { return lack_of_memory_; }
 
  protected:
-  /// Books a solve that ksp has done; `remedy` is what needs less memory.
-  PetscErrorCode count(KSP ksp, const char* remedy);
+  /// Solves until the residual is below `target` or below the larger of rtol and the user's relative tolerance, and books that; with another
+  /// preconditioner where an old one fails. `remedy` is what needs less memory.
+  PetscErrorCode run(KSP ksp, Vec rhs, Vec solution, double rtol, double target, const char* remedy);
+  /// Sets the preconditioner up for the matrix as it is.
+  virtual void set_up_again() = 0;
   /// Takes over the states of the owned faces; returns how many faces, over all ranks, have changed with that: all where there were none
   /// before, or if the matrix changed `everywhere`.
   long long take_over(MPI_Comm comm, const std::vector<physics::ContactState>& states, bool everywhere);
@@ -56,8 +59,11 @@ class DirectionSolver {
   std::vector<physics::ContactState> states_of_matrix_;  ///< Of the owned faces.
   LinearCounts counts_;
   int last_iterations_ = 0;
-  bool failed_ = false;
+  bool failed_ = false, is_reused_ = false;  ///< The latter: the preconditioner is older than the matrix.
   std::string lack_of_memory_;
+
+ private:
+  PetscErrorCode run_once(KSP ksp, Vec rhs, Vec solution, double rtol, double target, const char* remedy);
 };
 
 }  // namespace polyslip::solver

@@ -31,6 +31,7 @@ class LinearSolver final : public DirectionSolver {
   [[nodiscard]] KSP ksp() const { return ksp_; }
 
  private:
+  void set_up_again() override { set_up_preconditioner(true); }
   void choose();
   void set_method();
   void set_up_preconditioner(bool again);
@@ -39,8 +40,6 @@ class LinearSolver final : public DirectionSolver {
   [[nodiscard]] PC hierarchy() const;  ///< The preconditioner where it is algebraic multigrid, else null.
   bool update_hierarchy();
   [[nodiscard]] bool aggregates_are_stale() const;
-  PetscErrorCode run_once(double rtol, double target);
-  PetscErrorCode run(double rtol, double target);  ///< With another preconditioner where an old one fails.
 
   assembly::MechanicsSystem& system_;
   la::Handle<KSP> ksp_;
@@ -59,7 +58,7 @@ class LinearSolver final : public DirectionSolver {
   bool is_as_new_ = false;  ///< Whether the preconditioner is what a new solver makes of the matrix of law_of_setup_.
   long long changed_since_setup_ = 0;
   int iterations_after_setup_ = -1;  ///< Of the first solve with this preconditioner; -1 before it.
-  bool has_preconditioner_ = false, has_aggregates_ = false, is_reused_ = false;  ///< The same on all ranks, unlike having faces.
+  bool has_preconditioner_ = false, has_aggregates_ = false;  ///< The same on all ranks, unlike having faces.
 };
 
 }  // namespace polyslip::solver
