@@ -17,8 +17,8 @@ using physics::ContactState;
 
 namespace {
 
-constexpr const char* prefix = "coupled_";
-constexpr GlobalIndex direct_limit_2d = 400'000, direct_limit_3d = 15'000;  ///< Unknowns up to which a factorisation is the faster choice.
+constexpr const char *prefix = "coupled_", *memory_remedy = "-coupled_pc_type fieldsplit";
+constexpr GlobalIndex direct_limit = 15'000;  ///< Unknowns up to which a factorisation is as fast, in 2D and in 3D.
 
 PetscErrorCode apply_exact(Mat shell, Vec x, Vec y) {
   PetscFunctionBeginUser;
@@ -57,8 +57,7 @@ void CoupledSolver::choose() {
   const int dim = system_.layout().dim();
   PetscInt unknowns = 0;
   POLYSLIP_PETSC(VecGetSize(rhs_, &unknowns));
-  const GlobalIndex limit = dim == 2 ? direct_limit_2d : direct_limit_3d;
-  const bool direct = unknowns <= limit;
+  const bool direct = unknowns <= direct_limit;
   PC pc = nullptr;
   POLYSLIP_PETSC(KSPGetPC(ksp_, &pc));
   POLYSLIP_PETSC(PCSetType(pc, direct ? PCLU : PCFIELDSPLIT));
@@ -66,10 +65,10 @@ void CoupledSolver::choose() {
     choice_ = "linear solver: as the options say";
   else if (direct)
     choice_ = fmt::format("linear solver: LU factorisation of displacement and pressure (MUMPS), as {} unknowns in {}D are at most {}; "
-                          "-coupled_pc_type fieldsplit for multigrid", unknowns, dim, limit);
+                          "-coupled_pc_type fieldsplit for multigrid", unknowns, dim, direct_limit);
   else
     choice_ = fmt::format("linear solver: fixed stress with multigrid on displacement and pressure, as {} unknowns in {}D exceed {}; "
-                          "-coupled_pc_type lu for a factorisation", unknowns, dim, limit);
+                          "-coupled_pc_type lu for a factorisation", unknowns, dim, direct_limit);
   POLYSLIP_PETSC(KSPSetType(ksp_, KSPFGMRES));
   POLYSLIP_PETSC(KSPGMRESSetRestart(ksp_, 100));
   POLYSLIP_PETSC(KSPSetPCSide(ksp_, PC_RIGHT));
@@ -229,13 +228,29 @@ void CoupledSolver::matrix_changed(const std::vector<ContactState>& states, bool
   set_up(!has_preconditioner_ || many || costly || plain);
 }
 
+double CoupledSolver::target(const assembly::ResidualNorms& norms, double newton_rtol) const {
+  const double flow = std::max(norms.flow_floor, newton_rtol * norms.flow_scale) * system_.pressure_scale();
+  return 0.1 * std::min(newton_rtol * norms.momentum_scale, flow);
+}
+
 PetscErrorCode CoupledSolver::solve(Vec f, Vec direction, const assembly::ResidualNorms& norms, double newton_rtol, bool loose) {
   PetscFunctionBeginUser;
-  const double flow = std::max(norms.flow_floor, newton_rtol * norms.flow_scale) * system_.pressure_scale();
-  const double target = 0.1 * std::min(newton_rtol * norms.momentum_scale, flow);
   const double rtol = loose && (!factorises_ || is_reused_) ? loose_rtol_ : 0.0;
   PetscCallCXX(system_.condense_residual(f, rhs_));
-  PetscCall(run(ksp_, rhs_, solution_, rtol, target, "-coupled_pc_type fieldsplit"));
+  PetscCall(run(ksp_, rhs_, solution_, rtol, target(norms, newton_rtol), memory_remedy));
+  if ((!loose || factorises_) && iterations_after_setup_ < 0) iterations_after_setup_ = last_iterations_;
+  PetscCallCXX(system_.recover(f, solution_, direction));
+  PetscFunctionReturn(0);
+}
+
+PetscErrorCode CoupledSolver::refine(Vec f, Vec direction, const assembly::ResidualNorms& norms, double newton_rtol) {
+  PetscFunctionBeginUser;
+  const int before = last_iterations_;
+  PetscCall(KSPSetInitialGuessNonzero(ksp_, PETSC_TRUE));
+  PetscCall(run(ksp_, rhs_, solution_, 0.0, target(norms, newton_rtol), memory_remedy));
+  PetscCall(KSPSetInitialGuessNonzero(ksp_, PETSC_FALSE));
+  last_iterations_ += before;
+  counts_.max_per_solve = std::max(counts_.max_per_solve, last_iterations_);
   if (iterations_after_setup_ < 0) iterations_after_setup_ = last_iterations_;
   PetscCallCXX(system_.recover(f, solution_, direction));
   PetscFunctionReturn(0);

@@ -1,6 +1,6 @@
 // Solves the condensed system of displacement and pressure of a Newton iteration (options prefix coupled_).
 //
-// Defaults by size and dimension:
+// Defaults by size:
 //  * an LU factorisation of the exact matrix (MUMPS) with a few GMRES iterations on top, kept as long as these are few
 //    (flexible GMRES, which saves an application an iteration);
 //  * else GMRES with a block triangular preconditioner, PCFIELDSPLIT (Schur, upper):
@@ -29,6 +29,8 @@ class CoupledSolver final : public DirectionSolver {
   void start_step() override;
   void matrix_changed(const std::vector<physics::ContactState>& states, bool everywhere) override;
   PetscErrorCode solve(Vec f, Vec direction, const assembly::ResidualNorms& norms, double rtol, bool loose) override;
+  [[nodiscard]] bool can_refine() const override { return !factorises_; }
+  PetscErrorCode refine(Vec f, Vec direction, const assembly::ResidualNorms& norms, double rtol) override;
   [[nodiscard]] const std::string& choice() const override { return choice_; }
   [[nodiscard]] KSP ksp() const { return ksp_; }
 
@@ -41,6 +43,8 @@ class CoupledSolver final : public DirectionSolver {
   void set_up_blocks(bool again);
   void write_fixed_stress();
   [[nodiscard]] bool fixed_stress_is_stale() const;
+  /// Residual at which a solve may end.
+  [[nodiscard]] double target(const assembly::ResidualNorms& norms, double newton_rtol) const;
 
   assembly::CoupledSystem& system_;
   la::Handle<KSP> ksp_;
@@ -52,7 +56,7 @@ class CoupledSolver final : public DirectionSolver {
   std::optional<la::HierarchyUpdate> changes_;
   assembly::MechanicsSystem::MatrixContent content_ = assembly::MechanicsSystem::MatrixContent::symmetric;
   std::string choice_;
-  PetscReal loose_rtol_ = 1e-3;  ///< -coupled_loose_rtol: of multigrid and of an old factorisation
+  PetscReal loose_rtol_ = 1e-2;  ///< -coupled_loose_rtol: of multigrid and of an old factorisation
   bool factorises_ = false, has_preconditioner_ = false;
   std::vector<physics::ContactState> states_of_fixed_stress_;  ///< Of the owned faces.
   long long changed_since_setup_ = 0, flow_of_fixed_stress_ = -1;  ///< The latter is a CoupledSystem::flow_matrix_version.
