@@ -257,6 +257,7 @@ class Checker {
       }
     }
     sides();
+    corners();
   }
 
   void groups() const {
@@ -346,6 +347,16 @@ class Checker {
       }
     }
     size("/cell_faces/values", mesh_.cell_faces.values.size(), named);
+  }
+
+  /// A node of no cell would have unknowns that nothing holds.
+  void corners() const {
+    std::vector<char> used(mesh_.nodes.size(), 0);
+    for (const Index node : mesh_.face_nodes.values) used[node] = 1;
+    const auto unused = std::find(used.begin(), used.end(), 0);
+    if (unused != used.end()) {
+      file_.fail("/nodes", fmt::format("node {} is a corner of no face", unused - used.begin()), "Leave it out and number the nodes behind it anew");
+    }
   }
 
   const NativeFile& file_;

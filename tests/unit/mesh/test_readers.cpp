@@ -116,6 +116,7 @@ TEST_F(Readers, native_files_with_inconsistent_tables_are_refused_by_name) {
   using Change = std::function<void(PolyMesh&)>;
   const std::vector<std::pair<std::string, Change>> changes{
       {"/nodes", [](PolyMesh& m) { m.nodes[3][1] = std::nan(""); }},
+      {"/nodes", [](PolyMesh& m) { m.nodes.push_back(m.nodes[3]); }},
       {"/face_nodes/offsets", [](PolyMesh& m) { m.face_nodes.offsets[2] = 99999; }},
       {"/face_nodes/offsets", [](PolyMesh& m) { m.face_nodes.offsets.back() += 1; }},
       {"/face_nodes/values", [](PolyMesh& m) { m.face_nodes.values[5] = m.n_nodes(); }},
