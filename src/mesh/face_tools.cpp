@@ -24,6 +24,16 @@ Vec3 area_vector(const PolyMesh& mesh, Index face) {
   return area;
 }
 
+CellSides cell_sides(const PolyMesh& mesh) {
+  CellSides sides;
+  sides.cells.reserve(mesh.cell_faces.values.size());
+  for (const Index face : mesh.cell_faces.values) {
+    sides.cells.push_back(mesh.face_cells[face]);
+    if (!mesh.face_fracture.empty()) sides.fracture.push_back(mesh.face_fracture[face]);
+  }
+  return sides;
+}
+
 void sort_rims(const PolyMesh& mesh, std::span<const Index> faces, std::vector<Rim>& rims) {
   rims.clear();
   for (Index i = 0; i < static_cast<Index>(faces.size()); ++i) {

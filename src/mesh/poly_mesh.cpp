@@ -48,10 +48,12 @@ class SignedSets {
   std::vector<char> turned_;
 };
 
+Index number_of(Index i, const std::vector<Index>& numbers) { return numbers.empty() ? i : numbers[i]; }
+
 /// Turns the faces of one cell outwards: pairs its faces at their rims, then looks at the sign of the volume.
 class CellOrienter {
  public:
-  explicit CellOrienter(const PolyMesh& mesh) : mesh_(mesh) {}
+  CellOrienter(const PolyMesh& mesh, const std::vector<Index>& numbers) : mesh_(mesh), numbers_(numbers) {}
 
   /// One entry a face of the cell: true where face_nodes already gives the outward normal.
   const std::vector<char>& outward(Index cell) {
@@ -122,11 +124,12 @@ class CellOrienter {
 
   [[noreturn]] void fail(Index cell, const std::string& what) const {
     const Vec3 at = mesh_.nodes[mesh_.face_nodes[mesh_.cell_faces[cell][0]][0]];
-    throw InputError(what, fmt::format("cell {} at ({:g}, {:g}, {:g})", cell, at.x(), at.y(), at.z()),
+    throw InputError(what, fmt::format("cell {} at ({:g}, {:g}, {:g})", number_of(cell, numbers_), at.x(), at.y(), at.z()),
                      "Repair this cell in the mesh file or generate the mesh again");
   }
 
   const PolyMesh& mesh_;
+  const std::vector<Index>& numbers_;
   std::vector<Rim> rims_;
   SignedSets sets_;
   std::vector<char> outward_;
@@ -140,8 +143,8 @@ Vec3 cell_node_average(const PolyMesh& mesh, Index cell) {
   return c / mesh.cell_nodes.row_size(cell);
 }
 
-void orient_faces(PolyMesh& mesh) {
-  CellOrienter orienter(mesh);
+void orient_faces(PolyMesh& mesh, const std::vector<Index>& cell_numbers, const std::vector<Index>& face_numbers) {
+  CellOrienter orienter(mesh, cell_numbers);
   enum : char { kUnseen = 2 };
   std::vector<std::array<char, 2>> outward(mesh.n_faces(), {kUnseen, kUnseen});  // as seen from the first and the second cell
   for (Index c = 0; c < mesh.n_cells(); ++c) {
@@ -153,8 +156,8 @@ void orient_faces(PolyMesh& mesh) {
     if (outward[f][0] == outward[f][1]) {
       const Vec3 at = mesh.nodes[mesh.face_nodes[f][0]];
       throw InputError("both cells lie on the same side of the face they share, so they overlap",
-                       fmt::format("cells {} and {}, face {} at ({:g}, {:g}, {:g})", mesh.face_cells[f][0], mesh.face_cells[f][1],
-                                   f, at.x(), at.y(), at.z()),
+                       fmt::format("cells {} and {}, face {} at ({:g}, {:g}, {:g})", number_of(mesh.face_cells[f][0], cell_numbers),
+                                   number_of(mesh.face_cells[f][1], cell_numbers), number_of(f, face_numbers), at.x(), at.y(), at.z()),
                        "Repair these cells in the mesh file or generate the mesh again");
     }
     if (!outward[f][0]) std::reverse(mesh.face_nodes[f].begin(), mesh.face_nodes[f].end());

@@ -40,10 +40,14 @@ void tag_box_sides(PolyMesh& mesh) {
 
 }  // namespace
 
-PolyMesh read_mesh(const std::filesystem::path& file) {
+void require_file(const std::filesystem::path& file) {
   if (!std::filesystem::is_regular_file(file)) {
     throw InputError("there is no such file", file.string(), "Give the path of a .msh (Gmsh) or .h5 (native) file");
   }
+}
+
+PolyMesh read_mesh(const std::filesystem::path& file) {
+  require_file(file);
   const std::string ending = file.extension().string();
   if (ending == ".h5") return read_native(file);
   if (ending == ".msh") {

@@ -274,6 +274,21 @@ MeshNames names_of(const mesh::BoxSpec& box) {
   return names;
 }
 
+MeshNames names_of(const mesh::PolyMesh& mesh) {
+  constexpr double infinity = std::numeric_limits<double>::infinity();
+  MeshNames names{.dim = mesh.dim,
+                  .tags = mesh.tag_names,
+                  .regions = mesh.region_names,
+                  .fractures = mesh.fracture_names,
+                  .low = Vec3::Constant(infinity),
+                  .high = Vec3::Constant(-infinity)};
+  for (const Vec3& node : mesh.nodes) {
+    names.low = names.low.cwiseMin(node);
+    names.high = names.high.cwiseMax(node);
+  }
+  return names;
+}
+
 void check_known(const std::string& what, const std::string& name, const std::vector<std::string>& known,
                  const std::string& place) {
   if (std::ranges::find(known, name) == known.end())
@@ -336,19 +351,6 @@ void check_names(const Scene& scene, const MeshNames& mesh) {
     for (const Vec3& end : {line.from, line.to}) check_inside("end of the line", end, mesh, line.place);
 }
 
-void check_against_mesh(const Scene& scene, const mesh::PolyMesh& mesh) {
-  MeshNames names{.dim = mesh.dim,
-                  .tags = mesh.tag_names,
-                  .regions = mesh.region_names,
-                  .fractures = mesh.fracture_names,
-                  .low = Vec3::Zero(),
-                  .high = Vec3::Zero()};
-  if (!mesh.nodes.empty()) names.low = names.high = mesh.nodes.front();
-  for (const Vec3& node : mesh.nodes) {
-    names.low = names.low.cwiseMin(node);
-    names.high = names.high.cwiseMax(node);
-  }
-  check_names(scene, names);
-}
+void check_against_mesh(const Scene& scene, const mesh::PolyMesh& mesh) { check_names(scene, names_of(mesh)); }
 
 }  // namespace polyslip::scene

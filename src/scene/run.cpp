@@ -7,6 +7,7 @@
 #include "polyslip/la/log_stage.hpp"
 #include "polyslip/scene/fields.hpp"
 #include "polyslip/scene/lines.hpp"
+#include "polyslip/scene/mesh_input.hpp"
 #include "polyslip/scene/prepare.hpp"
 #include "polyslip/scene/report.hpp"
 #include "polyslip/scene/restart.hpp"
@@ -67,13 +68,13 @@ class Run {
 };
 
 void Run::read_and_partition() {
-  mesh::PolyMesh serial;
+  MeshInput input;
   {
     const la::LogStage stage("read", summary_.seconds.read);
-    serial = build_serial_mesh(comm_, scene_, directory_);
+    input = read_mesh(comm_, scene_, directory_);
   }
   const la::LogStage stage("partition", summary_.seconds.partition);
-  mesh_ = mesh::distribute(comm_, std::move(serial), partition_options(scene_));
+  mesh_ = distribute(comm_, std::move(input), scene_);
 }
 
 void Run::assemble() {
@@ -245,7 +246,7 @@ ExitCode Run::execute() {
 
 /// All that a run does, and may be refused for, before it resumes and steps.
 ExitCode validate(MPI_Comm comm, const Scene& scene, const std::filesystem::path& file) {
-  const mesh::DistributedMesh mesh = mesh::distribute(comm, build_serial_mesh(comm, scene, {}), partition_options(scene));
+  const mesh::DistributedMesh mesh = distribute(comm, read_mesh(comm, scene, {}), scene);
   const Model model(mesh, scene);
   const Log log(comm);
   report_unusual_values(log, scene);

@@ -1,6 +1,7 @@
-// Places, area vectors and rims of single faces: what orienting, tagging and fracture matching share.
+// Places, area vectors, rims and sides of single faces: what orienting, tagging, fracture matching and partitioning share.
 #pragma once
 
+#include <array>
 #include <span>
 #include <utility>
 #include <vector>
@@ -14,6 +15,17 @@ Vec3 node_average(const PolyMesh& mesh, Index face);
 
 /// Area (3D) or length (2D) times the unit normal, as face_nodes runs [m2; m].
 Vec3 area_vector(const PolyMesh& mesh, Index face);
+
+/// The faces of cells seen from each entry of cell_faces.values: the cells of that face, and the fracture it is on.
+struct CellSides {
+  std::vector<std::array<Index, 2>> cells;
+  std::vector<Index> fracture;  ///< As face_fracture; empty without fractures.
+
+  [[nodiscard]] bool on_fracture(Index entry) const { return !fracture.empty() && fracture[entry] >= 0; }
+};
+
+/// The sides of all cells of a whole mesh.
+CellSides cell_sides(const PolyMesh& mesh);
 
 /// What bounds a face: an edge (3D) or an end node (2D; low == high).
 struct Rim {

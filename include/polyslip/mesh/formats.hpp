@@ -7,6 +7,9 @@
 
 namespace polyslip::mesh {
 
+/// Throws InputError where there is no such file.
+void require_file(const std::filesystem::path& file);
+
 /// Gmsh msh 2.2 or 4.1, text or binary, first order: triangles and quadrilaterals (in the plane z = 0), or tetrahedra,
 /// hexahedra, prisms and pyramids, mixed or not. The first physical group of an element of the highest dimension is the region of
 /// its cell, that of an element one dimension lower the tag of its face, inside or on the boundary. Groups without a name are

@@ -59,8 +59,9 @@ struct PolyMesh {
 Vec3 cell_node_average(const PolyMesh& mesh, Index cell);
 
 /// Makes face_nodes point out of face_cells[f][0], whatever order a reader left; needs topology and coordinates only.
-/// Throws InputError naming the cell where faces do not close or the volume is not positive.
-void orient_faces(PolyMesh& mesh);
+/// Throws InputError naming the cell where faces do not close or the volume is not positive; of a piece of a larger mesh by the number
+/// that cells and faces have there.
+void orient_faces(PolyMesh& mesh, const std::vector<Index>& cell_numbers = {}, const std::vector<Index>& face_numbers = {});
 
 /// Fills cell_nodes, cell_copies and copy_node from the topology and face_fracture.
 void build_copies(PolyMesh& mesh);

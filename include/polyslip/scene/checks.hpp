@@ -32,6 +32,8 @@ struct MeshNames {
 
 /// Of a box, known before it is meshed.
 MeshNames names_of(const mesh::BoxSpec& box);
+/// Of a mesh; of one without nodes the bounding box is inside out.
+MeshNames names_of(const mesh::PolyMesh& mesh);
 
 void check_known(const std::string& what, const std::string& name, const std::vector<std::string>& known, const std::string& place);
 

@@ -20,7 +20,7 @@ Scene read_scene(MPI_Comm comm, const CommandLine& line);
 void report_unusual_values(const Log& log, const Scene& scene);
 
 /// The whole mesh with fractures and copies, on rank 0; checked against the scene, and written into `directory` (not when that is
-/// empty) where the scene says so.
+/// empty) where the scene says so. For a mesh that may be read in slices see mesh_input.hpp.
 mesh::PolyMesh build_serial_mesh(MPI_Comm comm, const Scene& scene, const std::filesystem::path& directory);
 
 /// What the unknowns of the scene need of the parts of its mesh.
