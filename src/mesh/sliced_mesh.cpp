@@ -119,7 +119,7 @@ std::vector<Index> SlicedMesh::partition(const PartitionOptions& options) const 
   return RemoteRows(comm_, rows_behind(comm_, static_cast<Index>(part.size())), counting(slice_.cells)).get(part);
 }
 
-/// Every cell reports to its rank.
+/// Every cell reports to its rank; ascending, as the slices of the ranks are.
 std::vector<Index> SlicedMesh::owned_cells(const std::vector<Index>& part) const {
   return RemoteRows(comm_, rows_behind(comm_, 1), part).collect(counting(slice_.cells)).values;
 }

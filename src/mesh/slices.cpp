@@ -53,7 +53,10 @@ Csr RemoteRows::get(const Csr& held) const {
   std::vector<int> sent_counts(counts_.size(), 0), got_counts(counts_.size(), 0);
   for (std::size_t rank = 0, i = 0; rank < counts_.size(); ++rank) {
     const std::size_t before = sent.size();
-    for (const std::size_t end = i + asked_counts_[rank]; i < end; ++i) sent.insert(sent.end(), held[asked_[i]].begin(), held[asked_[i]].end());
+    for (const std::size_t end = i + asked_counts_[rank]; i < end; ++i) {
+      const auto row = held[asked_[i]];
+      sent.insert(sent.end(), row.begin(), row.end());
+    }
     sent_counts[rank] = static_cast<int>(sent.size() - before);
   }
   for (std::size_t rank = 0, i = 0; rank < counts_.size(); ++rank) {
@@ -95,14 +98,14 @@ Csr RemoteRows::collect(const std::vector<Index>& values) const {
   result.values.resize(got.size());
   std::vector<Index> next(result.offsets.begin(), result.offsets.end() - 1);
   for (std::size_t i = 0; i < got.size(); ++i) result.values[next[asked_[i]]++] = got[i];
-  for (Index row = 0; row < held_; ++row) std::sort(result[row].begin(), result[row].end());
   return result;
 }
 
 void RemoteRows::exchange(const void* sent, const std::vector<int>& sent_counts, void* got, const std::vector<int>& got_counts,
                           std::size_t size) const {
   const mpi::BlockType unit(MPI_BYTE, static_cast<int>(size));
-  MPI_Alltoallv(sent, sent_counts.data(), begins(sent_counts).data(), unit, got, got_counts.data(), begins(got_counts).data(), unit, comm_);
+  MPI_Alltoallv(sent, sent_counts.data(), begins(sent_counts).data(), unit, got, got_counts.data(), begins(got_counts).data(), unit,
+                comm_);
 }
 
 RowRange rows_behind(MPI_Comm comm, Index size) {

@@ -28,7 +28,7 @@ class RemoteRows {
   [[nodiscard]] Csr get(const Csr& held) const;
   /// Writes values into the rows; where several are written into one row, any of them stays.
   void put(const std::vector<Index>& values, std::vector<Index>& held) const;
-  /// For each row that this rank holds, the values that all ranks have sent to it, ascending.
+  /// For each row that this rank holds, the values that the ranks have sent to it, rank by rank in the order of their lists.
   [[nodiscard]] Csr collect(const std::vector<Index>& values) const;
 
  private:
