@@ -44,8 +44,10 @@ std::vector<Place> places_of(const std::vector<GlobalIndex>& members, const std:
   std::vector<Place> places;
   places.reserve(members.size());
   for (const Index member : members) {
-    const auto [begin, end] = std::equal_range(row_of.begin(), row_of.end(), row_of[member]);
-    places.push_back({row_number[row_of[member]], member - static_cast<Index>(begin - row_of.begin()), static_cast<Index>(end - begin)});
+    Index begin = member, end = member + 1;
+    while (begin > 0 && row_of[begin - 1] == row_of[member]) --begin;
+    while (end < static_cast<Index>(row_of.size()) && row_of[end] == row_of[member]) ++end;
+    places.push_back({row_number[row_of[member]], member - begin, end - begin});
   }
   return places;
 }

@@ -1,8 +1,10 @@
 #include "polyslip/mesh/sliced_mesh.hpp"
 
 #include <algorithm>
+#include <array>
 #include <iterator>
 #include <numeric>
+#include <span>
 #include <utility>
 
 #include "polyslip/common/mpi.hpp"
@@ -14,8 +16,17 @@ namespace polyslip::mesh {
 
 namespace {
 
+/// Distinct numbers, none negative, sorted digit by digit: for millions of them several times as fast as by comparing.
 std::vector<Index> ascending(std::vector<Index> numbers) {
-  std::sort(numbers.begin(), numbers.end());
+  constexpr Index base = 2048;
+  std::vector<Index> sorted(numbers.size());
+  for (int shift = 0; shift < 31; shift += 11) {
+    std::array<Index, base + 1> next{};
+    for (const Index number : numbers) ++next[(number >> shift) % base + 1];
+    std::partial_sum(next.begin(), next.end(), next.begin());
+    for (const Index number : numbers) sorted[next[(number >> shift) % base]++] = number;
+    numbers.swap(sorted);
+  }
   numbers.erase(std::unique(numbers.begin(), numbers.end()), numbers.end());
   return numbers;
 }
@@ -32,13 +43,32 @@ std::vector<Index> minus(const std::vector<Index>& a, const std::vector<Index>& 
   return result;
 }
 
-/// Each value becomes its place in the ascending numbers, or -1 where it is not among them.
-void renumber(std::span<Index> values, const std::vector<Index>& numbers) {
-  for (Index& value : values) {
-    const auto found = std::lower_bound(numbers.begin(), numbers.end(), value);
-    value = found != numbers.end() && *found == value ? static_cast<Index>(found - numbers.begin()) : -1;
+/// Finds the places of numbers in an ascending list. A table of where each run of 2^shift numbers begins leaves little to search.
+class Places {
+ public:
+  explicit Places(const std::vector<Index>& numbers) : numbers_(numbers) {
+    const Index end = numbers.empty() ? 0 : numbers.back() + 1;
+    while ((end >> shift_) > static_cast<Index>(numbers.size())) ++shift_;
+    begin_.resize(static_cast<std::size_t>(end >> shift_) + 2, 0);
+    for (const Index number : numbers) ++begin_[(number >> shift_) + 1];
+    std::partial_sum(begin_.begin(), begin_.end(), begin_.begin());
   }
-}
+  /// Each value becomes its place, or -1 where it is not in the list.
+  void replace(std::span<Index> values) const {
+    for (Index& value : values) value = find(value);
+  }
+
+ private:
+  [[nodiscard]] Index find(Index number) const {
+    if (number < 0 || numbers_.empty() || number > numbers_.back()) return -1;
+    const auto begin = numbers_.begin() + begin_[number >> shift_], end = numbers_.begin() + begin_[(number >> shift_) + 1];
+    const auto found = std::lower_bound(begin, end, number);
+    return found != end && *found == number ? static_cast<Index>(found - numbers_.begin()) : -1;
+  }
+  const std::vector<Index>& numbers_;
+  int shift_ = 0;
+  std::vector<Index> begin_;
+};
 
 std::vector<Index> counting(const RowRange& rows) {
   std::vector<Index> result(static_cast<std::size_t>(rows.size));
@@ -84,9 +114,13 @@ Csr SlicedMesh::nodes_of_cells() const {
   const Csr& cells = slice_.mesh.cell_faces;
   const Csr faces = RemoteRows(comm_, slice_.faces, cells.values).get(slice_.mesh.face_nodes);
   Csr result;
+  std::vector<Index> nodes;
   for (Index cell = 0; cell < cells.rows(); ++cell) {
-    const auto nodes = faces.values.begin();
-    result.push_row(ascending({nodes + faces.offsets[cells.offsets[cell]], nodes + faces.offsets[cells.offsets[cell + 1]]}));
+    const auto of_faces = faces.values.begin();
+    nodes.assign(of_faces + faces.offsets[cells.offsets[cell]], of_faces + faces.offsets[cells.offsets[cell + 1]]);
+    std::sort(nodes.begin(), nodes.end());
+    nodes.erase(std::unique(nodes.begin(), nodes.end()), nodes.end());
+    result.push_row(nodes);
   }
   return result;
 }
@@ -150,7 +184,7 @@ void SlicedMesh::fill_cells(Piece& piece, const std::vector<Index>& part) const 
   piece.part = cells.get(part);
   mesh.cell_faces = cells.get(slice_.mesh.cell_faces);
   piece.faces = ascending(mesh.cell_faces.values);
-  renumber(mesh.cell_faces.values, piece.faces);
+  Places(piece.faces).replace(mesh.cell_faces.values);
 }
 
 std::vector<Index> SlicedMesh::first_entries() const {
@@ -165,12 +199,13 @@ void SlicedMesh::fill_faces(Piece& piece) const {
   mesh.face_nodes = faces.get(slice_.mesh.face_nodes);
   piece.face_entries = faces.get(first_entries());
   piece.nodes = ascending(mesh.face_nodes.values);
-  renumber(mesh.face_nodes.values, piece.nodes);
+  Places(piece.nodes).replace(mesh.face_nodes.values);
   mesh.nodes = RemoteRows(comm_, slice_.nodes, piece.nodes).get(slice_.mesh.nodes);
 
   mesh.face_cells = faces.get(slice_.mesh.face_cells);
+  const Places cell_places(piece.cells);
   for (auto& cells : mesh.face_cells) {
-    renumber(cells, piece.cells);
+    cell_places.replace(cells);
     if (cells[0] < 0) std::swap(cells[0], cells[1]);
   }
   mesh.tag_names = slice_.mesh.tag_names;
