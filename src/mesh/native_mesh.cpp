@@ -116,7 +116,8 @@ class Checker {
       const auto place = std::find(faces.begin(), faces.end(), *twice) - faces.begin();
       refuse_side(number, *twice, cells_of[mesh_.cell_faces.offsets[cell] + place], ", twice");
     }
-    if (slice_.cell_sides.total != named) {
+    const bool is_last = slice_.cells.first + slice_.cells.size == slice_.cells.total;  // so that what other slices find is said first
+    if (is_last && slice_.cell_sides.total != named) {
       file_.fail("/cell_faces/values", fmt::format("it has {} entries instead of {}", slice_.cell_sides.total, named));
     }
   }

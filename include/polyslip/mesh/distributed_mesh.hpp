@@ -79,7 +79,8 @@ struct PartitionOptions {
 };
 
 /// Splits the serial mesh (rank 0's; ignored elsewhere) into parts with METIS and sends each rank its part; the serial mesh is
-/// consumed and freed. Until then rank 0 holds a whole mesh; of a native file without further marks it need not (sliced_mesh.hpp).
+/// consumed and freed. Until then rank 0 holds a whole mesh, the one place where global-size data lives on a rank; a native file can do
+/// without (sliced_mesh.hpp).
 /// Cells, copies, fracture faces, traces and ridges keep, within a rank, the order of the serial mesh (flow_entities.hpp).
 /// Throws InputError on all ranks alike.
 DistributedMesh distribute(MPI_Comm comm, PolyMesh&& serial, const PartitionOptions& options = {});
