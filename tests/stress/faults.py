@@ -26,6 +26,7 @@ SERIES = ("matrix", "fractures")
 FINE, FINE_WET = ("-set", "time.end=0.05", "-set", "mesh.box.cells=[200,200]"), ("-set", "time.end=20", "-set", "mesh.box.cells=[100,100]")
 LIMITED = ((SCENE, FINE, range(400, 690, 20)),
            ("wet_crack.yaml", FINE_WET, range(560, 720, 30)),
+           ("wet_crack.yaml", (*FINE_WET, "-coupled_pc_type", "lu"), range(560, 720, 30)),
            (SCENE, (*FINE, "-displacement_pc_type", "gamg"), range(560, 650, 30)),
            (SCENE, (*FINE, "-displacement_pc_type", "hypre"), range(560, 650, 30)))
 
