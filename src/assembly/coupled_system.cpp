@@ -372,7 +372,7 @@ ResidualNorms CoupledSystem::norms(Vec z, Vec f) const {
   ResidualNorms n = MechanicsSystem::norms(z, f);
   n.momentum_scale = std::max(n.momentum_scale, pressure_force_);
   copy_tail(z, layout().size(), q_work_);
-  n.flow_floor = 4 * (flow_.round_off(q_work_) + displacement_round_off(z));
+  n.flow_floor = 4 * (flow_.round_off(q_work_, NORM_2) + displacement_round_off(z));
   const VecRead rows(f);
   double squares = 0;
   for (Index i = layout().size(); i < size(); ++i) squares += rows[i] * rows[i];

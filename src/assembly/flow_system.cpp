@@ -167,12 +167,12 @@ void FlowSystem::residual(Vec q, Vec q_previous, Vec f) const {
     rows[i] = fixed()[i] ? 0.0 : storage[i] * (now[i] - before[i]) + dt_ * (rows[i] - loads_.sources[i]);
 }
 
-double FlowSystem::round_off(Vec q) {
+double FlowSystem::round_off(Vec q, NormType norm) {
   POLYSLIP_PETSC(MatGetDiagonal(matrix(), work_));
   POLYSLIP_PETSC(VecPointwiseMult(work_, work_, q));
-  PetscReal norm = 0;
-  POLYSLIP_PETSC(VecNorm(work_, NORM_1, &norm));
-  return std::numeric_limits<double>::epsilon() * norm;
+  PetscReal size = 0;
+  POLYSLIP_PETSC(VecNorm(work_, norm, &size));
+  return std::numeric_limits<double>::epsilon() * size;
 }
 
 FluidBalance FlowSystem::balance(Vec q, Vec q_previous) const {

@@ -65,9 +65,8 @@ class FlowSystem {
   [[nodiscard]] long long matrix_version() const { return matrix_version_; }
   /// f = D (q - q_previous) + dt (H q - Q) on free unknowns, 0 on prescribed ones (q must have its values).
   void residual(Vec q, Vec q_previous, Vec f) const;
-  /// What the digits of q leave in the residual whatever is solved [m3]: sum eps |S_ii q_i|. No solver brings the 1-norm much
-  /// below.
-  [[nodiscard]] double round_off(Vec q);
+  /// What the digits of q leave of the residual in a norm, whatever is solved [m3]: that of eps |S_ii q_i|. No solver gets much below.
+  [[nodiscard]] double round_off(Vec q, NormType norm = NORM_1);
   /// Diagonal of D [m3/Pa].
   [[nodiscard]] Vec storage() const { return storage_; }
   /// C_f/eta and T_f of each local fracture face at the conducting aperture, and their derivatives to it.
