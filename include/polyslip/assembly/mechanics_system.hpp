@@ -30,7 +30,7 @@ struct ResidualNorms {
   double momentum = 0, momentum_scale = 0;  ///< [N]
   double momentum_floor = 0;                ///< What the digits of the displacements leave of momentum.
   double contact = 0, contact_scale = 0;    ///< With beta = (2 mu + lambda)/h_K, times |sigma| [N].
-  double flow = 0, flow_scale = 1;          ///< Volumes of fluid [m3; 2D: m2]; 0 without fluid.
+  double flow = 0, flow_scale = 1;          ///< Volumes of fluid [m3; 2D: m2]: the rows, or what they lose together; 0 without fluid.
   double flow_floor = 0;                    ///< What the digits of the pressures leave of flow.
 };
 

@@ -214,6 +214,16 @@ PetscInt iterations_of_estimates(KSP ksp) {
   return n;
 }
 
+TEST(coupled_rows, are_measured_by_what_they_lose_together) {
+  CoupledScene scene({2, "quads"}, {});
+  la::Handle<Vec> z = scene.system->create_vector(), f = scene.system->create_vector();
+  {
+    const assembly::VecWrite rows(f);
+    for (Index i = scene.system->layout().size(); i < scene.system->size(); ++i) rows[i] = 2;
+  }
+  EXPECT_DOUBLE_EQ(scene.system->norms(z, f).flow, 2.0 * static_cast<double>(scene.flow->layout().numbering().total));
+}
+
 TEST(fixed_stress, is_set_up_anew_where_it_serves_badly) {
   const ScopedOption split("-coupled_pc_type", "fieldsplit");
   for (const auto bubbles : {spaces::Bubbles::fracture, spaces::Bubbles::all}) {
