@@ -19,6 +19,18 @@ PetscErrorCode DirectionSolver::run(KSP ksp, Vec rhs, Vec solution, double rtol,
   PetscFunctionReturn(0);
 }
 
+PetscErrorCode DirectionSolver::go_on(KSP ksp, Vec rhs, Vec solution, double target, const char* remedy) {
+  PetscFunctionBeginUser;
+  const int before = last_iterations_;
+  PetscCall(KSPSetInitialGuessNonzero(ksp, PETSC_TRUE));
+  PetscCall(run(ksp, rhs, solution, 0.0, target, remedy));
+  PetscCall(KSPSetInitialGuessNonzero(ksp, PETSC_FALSE));
+  last_iterations_ += before;
+  counts_.max_per_solve = std::max(counts_.max_per_solve, last_iterations_);
+  if (iterations_after_setup_ < 0) iterations_after_setup_ = last_iterations_;
+  PetscFunctionReturn(0);
+}
+
 PetscErrorCode DirectionSolver::run_once(KSP ksp, Vec rhs, Vec solution, double rtol, double target, const char* remedy) {
   PetscReal user_rtol = 0, dtol = 0;
   PetscInt max_it = 0, its = 0;

@@ -190,13 +190,7 @@ PetscErrorCode LinearSolver::solve(Vec f, Vec direction, const assembly::Residua
 
 PetscErrorCode LinearSolver::refine(Vec f, Vec direction, const assembly::ResidualNorms& norms, double newton_rtol) {
   PetscFunctionBeginUser;
-  const int before = last_iterations_;
-  PetscCall(KSPSetInitialGuessNonzero(ksp_, PETSC_TRUE));
-  PetscCall(run(ksp_, rhs_, solution_, 0.0, 0.1 * newton_rtol * norms.momentum_scale, memory_remedy));
-  PetscCall(KSPSetInitialGuessNonzero(ksp_, PETSC_FALSE));
-  last_iterations_ += before;
-  counts_.max_per_solve = std::max(counts_.max_per_solve, last_iterations_);
-  if (iterations_after_setup_ < 0) iterations_after_setup_ = last_iterations_;
+  PetscCall(go_on(ksp_, rhs_, solution_, 0.1 * newton_rtol * norms.momentum_scale, memory_remedy));
   PetscCallCXX(system_.recover(f, solution_, direction));
   PetscFunctionReturn(0);
 }

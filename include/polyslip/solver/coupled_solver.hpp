@@ -60,7 +60,6 @@ class CoupledSolver final : public DirectionSolver {
   bool factorises_ = false, has_preconditioner_ = false;
   std::vector<physics::ContactState> states_of_fixed_stress_;  ///< Of the owned faces.
   long long changed_since_setup_ = 0, flow_of_fixed_stress_ = -1;  ///< The latter is a CoupledSystem::flow_matrix_version.
-  int iterations_after_setup_ = -1;
 };
 
 }  // namespace polyslip::solver

@@ -48,6 +48,8 @@ class DirectionSolver {
   /// Solves until the residual is below `target` or below the larger of rtol and the user's relative tolerance, and books that; with another
   /// preconditioner where an old one fails. `remedy` is what needs less memory.
   PetscErrorCode run(KSP ksp, Vec rhs, Vec solution, double rtol, double target, const char* remedy);
+  /// Goes on from a solution that a loose run has left, down to `target`, and books the two as one.
+  PetscErrorCode go_on(KSP ksp, Vec rhs, Vec solution, double target, const char* remedy);
   /// Sets the preconditioner up for the matrix as it is.
   virtual void set_up_again() = 0;
   /// Takes over the states of the owned faces; returns how many faces, over all ranks, have changed with that: all where there were none
@@ -59,6 +61,7 @@ class DirectionSolver {
   std::vector<physics::ContactState> states_of_matrix_;  ///< Of the owned faces.
   LinearCounts counts_;
   int last_iterations_ = 0;
+  int iterations_after_setup_ = -1;  ///< Of the first full solve with this preconditioner; -1 before it.
   bool failed_ = false, is_reused_ = false;  ///< The latter: the preconditioner is older than the matrix.
   std::string lack_of_memory_;
 

@@ -57,7 +57,6 @@ class LinearSolver final : public DirectionSolver {
   bool starts_step_ = false;
   bool is_as_new_ = false;  ///< Whether the preconditioner is what a new solver makes of the matrix of law_of_setup_.
   long long changed_since_setup_ = 0;
-  int iterations_after_setup_ = -1;  ///< Of the first solve with this preconditioner; -1 before it.
   bool has_preconditioner_ = false, has_aggregates_ = false;  ///< The same on all ranks, unlike having faces.
 };
 
