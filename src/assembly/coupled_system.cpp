@@ -318,7 +318,7 @@ void CoupledSystem::residual(Vec z, Vec f) const {
   volumes(state_, cell_volumes, face_volumes);
 
   const VecWrite rows(f);
-  double force = 0, flow = 0;
+  double force = 0, flow = 0, turnover = 0;
   for (Index i = 0; i < layout().displacement_size(); ++i)
     if (!fixed()[i]) {
       rows[i] += rows_.displacement[i];
@@ -326,21 +326,27 @@ void CoupledSystem::residual(Vec z, Vec f) const {
     }
   for (Index i = 0; i < layout().fracture_size(); ++i) rows[layout().bubble_start() + i] += rows_.bubble[i];
   const VecRead flow_rows(f_work_), q(q_work_), before(q_previous_), storage(flow_.storage());
+  const auto add_scale = [&](double change) {
+    flow += change * change;
+    turnover += std::abs(change);
+  };
   const auto add_volume = [&](Index unknown, double change) {
     rows[layout().size() + unknown] += change;
-    flow += change * change;
+    add_scale(change);
   };
   for (Index i = 0; i < flow_.layout().size(); ++i) {
     rows[layout().size() + i] = flow_rows[i];
-    flow += std::pow(storage[i] * (q[i] - before[i]), 2) + std::pow(flow_.time_step() * flow_.loads().sources[i], 2);
+    add_scale(storage[i] * (q[i] - before[i]));
+    add_scale(flow_.time_step() * flow_.loads().sources[i]);
   }
   for (Index cell = 0; cell < mesh().cells.owned; ++cell) add_volume(flow_.layout().cell(cell), cell_volumes[cell] - pore_previous_[cell]);
   for (std::size_t k = 0; k < face_volumes.size(); ++k)
     add_volume(flow_.layout().fracture(static_cast<Index>(k)), face_volumes[k] - aperture_previous_[k]);
-  std::array<double, 2> sums{force, flow};
+  std::array<double, 3> sums{force, flow, turnover};
   mpi::sum_in_place(mesh().comm, sums);
   pressure_force_ = std::sqrt(sums[0]);
   flow_scale_ = std::sqrt(sums[1]);
+  flow_turnover_ = sums[2];
 }
 
 void CoupledSystem::momentum_action(Vec y, Vec r) const {
@@ -374,13 +380,14 @@ ResidualNorms CoupledSystem::norms(Vec z, Vec f) const {
   copy_tail(z, layout().size(), q_work_);
   n.flow_floor = 4 * (flow_.round_off(q_work_, NORM_2) + displacement_round_off(z));
   const VecRead rows(f);
-  std::array<double, 2> sums{};  // of the squares; of the rows, which is what all of them together lose
+  // Of the squares; of the rows, which is what all of them together lose: in parts of the turnover no more than rows in parts of their scale.
+  std::array<double, 2> sums{};
   for (Index i = layout().size(); i < size(); ++i) {
     sums[0] += rows[i] * rows[i];
     sums[1] += rows[i];
   }
   mpi::sum_in_place(mesh().comm, sums);
-  n.flow = std::max(std::sqrt(sums[0]), std::abs(sums[1]));
+  n.flow = std::max(std::sqrt(sums[0]), std::abs(sums[1]) * flow_scale_ / std::max(flow_turnover_, 1e-300));
   n.flow_scale = std::max(flow_scale_, 1e-300);
   return n;
 }

@@ -511,12 +511,22 @@ StateCounts MechanicsSystem::count(std::span<const ContactState> states) const {
 
 void MechanicsSystem::linearise(Vec x, MatrixContent content) {
   gather(x, work_);
+  for (Index face = 0; face < mesh_.fractures.local(); ++face)
+    if (cells_.faces()[face].cell >= 0) law_[face] = linearise_contact(law_of(face), point(face, work_), augmentation(face));
+  condense_law(content);
+}
+
+void MechanicsSystem::linearise_as(std::vector<ContactLinearisation> law, MatrixContent content) {
+  law_ = std::move(law);
+  condense_law(content);
+}
+
+void MechanicsSystem::condense_law(MatrixContent content) {
   const Index n = mesh_.fractures.local();
   std::vector<ContactLinearisation> symmetric(static_cast<std::size_t>(n));
   std::vector<char> differs(static_cast<std::size_t>(n), 0);
   for (Index face = 0; face < n; ++face) {
     if (cells_.faces()[face].cell < 0) continue;
-    law_[face] = linearise_contact(law_of(face), point(face, work_), augmentation(face));
     symmetric[face] = law_[face];
     if (law_[face].state != ContactState::slip || law_of(face).kind != FrictionLaw::coulomb || law_of(face).friction == 0) continue;
     differs[face] = 1;  // only in that the normal traction moves the friction bound; across the direction of slip faces stay held

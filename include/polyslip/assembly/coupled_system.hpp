@@ -104,7 +104,7 @@ class CoupledSystem final : public MechanicsSystem {
   la::Handle<Mat> nest_;
   long long flow_matrix_version_ = -1;
   mutable la::Handle<Vec> q_work_, f_work_;
-  mutable double flow_scale_ = 0, pressure_force_ = 0;
+  mutable double flow_scale_ = 0, flow_turnover_ = 0, pressure_force_ = 0;
   mutable MechanicalState state_, rows_;
 };
 

@@ -30,7 +30,7 @@ struct ResidualNorms {
   double momentum = 0, momentum_scale = 0;  ///< [N]
   double momentum_floor = 0;                ///< What the digits of the displacements leave of momentum.
   double contact = 0, contact_scale = 0;    ///< With beta = (2 mu + lambda)/h_K, times |sigma| [N].
-  double flow = 0, flow_scale = 1;          ///< Volumes of fluid [m3; 2D: m2]: the rows, or what they lose together; 0 without fluid.
+  double flow = 0, flow_scale = 1;          ///< Volumes of fluid [m3; 2D: m2]; 0 without it. See CoupledSystem::norms.
   double flow_floor = 0;                    ///< What the digits of the pressures leave of flow.
 };
 
@@ -101,6 +101,8 @@ class MechanicsSystem {
   // --- linearisation ---
   /// Linearises the contact law at x and condenses; then writes P.
   virtual void linearise(Vec x, MatrixContent content);
+  /// As if the laws had come to that, by local fracture face; writes P alone.
+  void linearise_as(std::vector<physics::ContactLinearisation> law, MatrixContent content);
   /// Leaves the bulk alone in P: what is computed then does not depend on earlier linearisations, to the bit.
   void forget_linearisation() { write_contact_rows(MatrixContent::bulk); }
   [[nodiscard]] Mat matrix() const { return matrix_->get(); }
@@ -141,6 +143,7 @@ class MechanicsSystem {
   void keep_bulk_diagonal();
   void describe_fields();
   void compute_lift();
+  void condense_law(MatrixContent content);
   void write_contact_rows(MatrixContent content);
   [[nodiscard]] physics::ContactLaw law_of(Index face) const;
   [[nodiscard]] physics::Augmentation augmentation(Index face) const {
