@@ -28,6 +28,20 @@ Handle<Mat> rows_of(Mat like, const std::vector<PetscInt>& rows) {
   return matrix;
 }
 
+/// Rows of this rank that have entries.
+std::vector<PetscInt> filled_rows(Mat matrix) {
+  std::vector<PetscInt> rows;
+  PetscInt begin = 0, end = 0;
+  POLYSLIP_PETSC(MatGetOwnershipRange(matrix, &begin, &end));
+  for (PetscInt row = begin; row < end; ++row) {
+    PetscInt n = 0;
+    POLYSLIP_PETSC(MatGetRow(matrix, row, &n, nullptr, nullptr));
+    if (n > 0) rows.push_back(row);
+    POLYSLIP_PETSC(MatRestoreRow(matrix, row, &n, nullptr, nullptr));
+  }
+  return rows;
+}
+
 }  // namespace
 
 HierarchyUpdate::HierarchyUpdate(Mat fine, std::vector<PetscInt> rows) : fine_(fine), rows_(std::move(rows)), change_(rows_of(fine, rows_)) {}
@@ -41,9 +55,10 @@ bool HierarchyUpdate::can_update(PC pc) {
   return levels > 1;
 }
 
-void HierarchyUpdate::is_in_step() {
+void HierarchyUpdate::is_set_up() {
   values_.clear();
   coarse_changes_.clear();
+  coarse_rows_.clear();
   for (PetscInt row : rows_) {
     PetscInt n = 0;
     const PetscScalar* values = nullptr;
@@ -63,7 +78,6 @@ void HierarchyUpdate::write_change() {
     POLYSLIP_PETSC(MatGetRow(fine_, row, &n, &columns, &values));
     difference.assign(values, values + n);
     for (PetscScalar& value : difference) value -= *before++;
-    std::copy_n(values, n, before - n);
     POLYSLIP_PETSC(MatSetValues(change_, 1, &row, n, columns, difference.data(), INSERT_VALUES));
     POLYSLIP_PETSC(MatRestoreRow(fine_, row, &n, &columns, &values));
   }
@@ -71,26 +85,55 @@ void HierarchyUpdate::write_change() {
   POLYSLIP_PETSC(MatAssemblyEnd(change_, MAT_FINAL_ASSEMBLY));
 }
 
+void HierarchyUpdate::Rows::keep(Mat matrix, PetscInt row) {
+  PetscInt n = 0;
+  const PetscInt* its_columns = nullptr;
+  const PetscScalar* its_values = nullptr;
+  POLYSLIP_PETSC(MatGetRow(matrix, row, &n, &its_columns, &its_values));
+  rows.push_back(row);
+  sizes.push_back(n);
+  columns.insert(columns.end(), its_columns, its_columns + n);
+  values.insert(values.end(), its_values, its_values + n);
+  POLYSLIP_PETSC(MatRestoreRow(matrix, row, &n, &its_columns, &its_values));
+}
+
+void HierarchyUpdate::Rows::put_back(Mat matrix) const {
+  std::size_t at = 0;
+  for (std::size_t i = 0; i < rows.size(); ++i) {
+    POLYSLIP_PETSC(MatSetValues(matrix, 1, &rows[i], sizes[i], columns.data() + at, values.data() + at, INSERT_VALUES));
+    at += static_cast<std::size_t>(sizes[i]);
+  }
+  POLYSLIP_PETSC(MatAssemblyBegin(matrix, MAT_FINAL_ASSEMBLY));
+  POLYSLIP_PETSC(MatAssemblyEnd(matrix, MAT_FINAL_ASSEMBLY));
+}
+
 void HierarchyUpdate::apply(PC pc) {
   write_change();
   PetscInt levels = 0;
   POLYSLIP_PETSC(PCMGGetLevels(pc, &levels));
   const bool first = coarse_changes_.empty();
-  if (first) coarse_changes_.resize(static_cast<std::size_t>(levels) - 1);
+  if (first) {
+    coarse_changes_.resize(static_cast<std::size_t>(levels) - 1);
+    coarse_rows_.resize(coarse_changes_.size());
+  }
   Mat change = change_;
   for (PetscInt level = levels - 1; level > 0; --level) {
-    Handle<Mat>& coarse = coarse_changes_[static_cast<std::size_t>(levels - 1 - level)];
+    const auto at = static_cast<std::size_t>(levels - 1 - level);
+    Handle<Mat>& coarse = coarse_changes_[at];
+    Rows& rows = coarse_rows_[at];
     Mat prolongation = nullptr, operator_matrix = nullptr;
     KSP smoother = nullptr;
     POLYSLIP_PETSC(PCMGGetInterpolation(pc, level, &prolongation));
+    POLYSLIP_PETSC(PCMGGetSmoother(pc, level - 1, &smoother));
+    POLYSLIP_PETSC(KSPGetOperators(smoother, nullptr, &operator_matrix));
     if (first) {
       POLYSLIP_PETSC(MatPtAP(change, prolongation, MAT_INITIAL_MATRIX, PETSC_DEFAULT, coarse.put()));
+      for (PetscInt row : filled_rows(coarse)) rows.keep(operator_matrix, row);
     } else {
       Mat reused = coarse;
       POLYSLIP_PETSC(MatPtAP(change, prolongation, MAT_REUSE_MATRIX, PETSC_DEFAULT, &reused));
+      rows.put_back(operator_matrix);
     }
-    POLYSLIP_PETSC(PCMGGetSmoother(pc, level - 1, &smoother));
-    POLYSLIP_PETSC(KSPGetOperators(smoother, nullptr, &operator_matrix));
     POLYSLIP_PETSC(MatAXPY(operator_matrix, 1.0, coarse, SUBSET_NONZERO_PATTERN));
     change = coarse;
   }

@@ -188,7 +188,7 @@ void CoupledSolver::set_up_blocks(bool again) {
     POLYSLIP_PETSC(KSPSetUp(ksp_));
     if (system_.fracture_faces() > 0) {
       if (!changes_) changes_.emplace(system_.matrix(), system_.changing_rows());
-      changes_->is_in_step();
+      changes_->is_set_up();
     }
   }
   POLYSLIP_PETSC(KSPSetReusePreconditioner(ksp_, PETSC_TRUE));

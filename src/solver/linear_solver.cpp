@@ -108,7 +108,7 @@ void LinearSolver::set_up_preconditioner(bool again) {
   }
   if (!factorises_ && updates_hierarchy_ && system_.fracture_faces() > 0) {
     if (!changes_) changes_.emplace(system_.matrix(), system_.changing_rows());
-    changes_->is_in_step();
+    changes_->is_set_up();
   }
   is_as_new_ = !has_preconditioner_;
   if (is_as_new_) law_of_setup_.assign(system_.linearised_law().begin(), system_.linearised_law().end());

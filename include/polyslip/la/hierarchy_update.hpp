@@ -1,10 +1,11 @@
 // Keeps a multigrid hierarchy in step with a fine matrix of which only a few rows change (scheme.md section 6: only cells that touch
 // Gamma change between Newton iterations).
 //
-// With dA the change of those rows since the hierarchy was last in step, P_l the prolongations:
-//   dA_{l-1} = P_l^T dA_l P_l,   A_{l-1} += dA_{l-1}   from the finest level down,
-// the same coarse operators as a full set-up with the old aggregates, at the cost of the rows that changed. Smoothers and the coarsest
-// factorisation notice that their matrices changed and follow by themselves.
+// With A^0 the matrices at the set-up, dA the change of those rows since, P_l the prolongations:
+//   dA_{l-1} = P_l^T dA_l P_l,   A_{l-1} = A^0_{l-1} + dA_{l-1}   from the finest level down,
+// the same coarse operators as a full set-up with the old aggregates, at the cost of the rows that changed. They depend on the matrix of the
+// set-up and on the one at hand, to the bit, and on none between. Smoothers and the coarsest factorisation notice that their matrices
+// changed and follow by themselves.
 #pragma once
 
 #include <vector>
@@ -22,18 +23,27 @@ class HierarchyUpdate {
   [[nodiscard]] static bool can_update(PC pc);
 
   /// Remembers the rows as they are: a full set-up has just used them.
-  void is_in_step();
+  void is_set_up();
   /// Brings all coarse operators of `pc` up to date with the rows as they are now.
   void apply(PC pc);
 
  private:
+  /// Some rows of a matrix (of this rank, global numbers), one behind the other.
+  struct Rows {
+    std::vector<PetscInt> rows, sizes, columns;
+    std::vector<PetscScalar> values;
+    void keep(Mat matrix, PetscInt row);
+    void put_back(Mat matrix) const;
+  };
   void write_change();
 
   Mat fine_;
   std::vector<PetscInt> rows_;
-  std::vector<PetscScalar> values_;  ///< Of the rows, one behind the other, when the hierarchy was last in step.
+  std::vector<PetscScalar> values_;  ///< Of the rows, one behind the other, at the set-up.
   Handle<Mat> change_;               ///< dA of the finest level: rows_ only.
-  std::vector<Handle<Mat>> coarse_changes_;  ///< dA of the others, finest first; empty until the first update of a hierarchy.
+  // Of the other levels, finest first; empty until the first update of a hierarchy.
+  std::vector<Handle<Mat>> coarse_changes_;  ///< dA
+  std::vector<Rows> coarse_rows_;            ///< Rows of A^0 that dA has.
 };
 
 }  // namespace polyslip::la
