@@ -4,7 +4,9 @@
 
 #include <algorithm>
 #include <cmath>
+#include <utility>
 
+#include "polyslip/la/field_split.hpp"
 #include "polyslip/la/options.hpp"
 #include "polyslip/solver/displacement_multigrid.hpp"
 #include "polyslip/solver/pressure_multigrid.hpp"
@@ -48,8 +50,6 @@ CoupledSolver::CoupledSolver(CoupledSystem& system)
   const Index n = system.layout().displacement_size() + system.flow().layout().size();
   POLYSLIP_PETSC(MatCreateShell(system.mesh().comm, n, n, PETSC_DETERMINE, PETSC_DETERMINE, &system, exact_operator_.put()));
   POLYSLIP_PETSC(MatShellSetOperation(exact_operator_, MATOP_MULT, reinterpret_cast<void (*)()>(apply_exact)));
-  POLYSLIP_PETSC(KSPCreate(system.mesh().comm, ksp_.put()));
-  POLYSLIP_PETSC(KSPSetOptionsPrefix(ksp_, prefix));
   choose();
 }
 
@@ -59,6 +59,8 @@ void CoupledSolver::choose() {
   POLYSLIP_PETSC(VecGetSize(rhs_, &unknowns));
   const bool direct = unknowns <= direct_limit;
   PC pc = nullptr;
+  POLYSLIP_PETSC(KSPCreate(system_.mesh().comm, ksp_.put()));
+  POLYSLIP_PETSC(KSPSetOptionsPrefix(ksp_, prefix));
   POLYSLIP_PETSC(KSPGetPC(ksp_, &pc));
   POLYSLIP_PETSC(PCSetType(pc, direct ? PCLU : PCFIELDSPLIT));
   if (la::user_sets(prefix, "-pc_type"))
@@ -145,10 +147,12 @@ void CoupledSolver::write_fixed_stress() {
   flow_of_fixed_stress_ = system_.flow_matrix_version();
 }
 
-/// Other flow, or more than a twentieth of the faces opened or closed since: fewer cost the Krylov method less than a new pressure block.
+/// Other flow, or more than a twentieth of the faces opened or closed since: fewer cost the Krylov method less than a new pressure block, but
+/// a step begins with its own.
 bool CoupledSolver::fixed_stress_is_stale() const {
-  return flow_of_fixed_stress_ != system_.flow_matrix_version() ||
-         20 * parted_since(system_.mesh().comm, states_of_fixed_stress_) > system_.fracture_faces();
+  if (flow_of_fixed_stress_ != system_.flow_matrix_version()) return true;
+  const long long parted = parted_since(system_.mesh().comm, states_of_fixed_stress_);
+  return starts_step_ ? parted > 0 : 20 * parted > system_.fracture_faces();
 }
 
 void CoupledSolver::set_up(bool again) {
@@ -182,8 +186,10 @@ void CoupledSolver::set_up_direct(bool again) {
 }
 
 void CoupledSolver::set_up_blocks(bool again) {
+  if (again && has_preconditioner_) choose();  // for the interpolation is kept otherwise
   if (again || fixed_stress_is_stale()) write_fixed_stress();  // the pressure block sets itself up when its matrix has changed
   if (again) {
+    law_of_setup_.assign(system_.linearised_law().begin(), system_.linearised_law().end());
     POLYSLIP_PETSC(KSPSetReusePreconditioner(ksp_, PETSC_FALSE));
     POLYSLIP_PETSC(KSPSetUp(ksp_));
     if (system_.fracture_faces() > 0) {
@@ -202,6 +208,7 @@ void CoupledSolver::set_up_blocks(bool again) {
   if (again) {
     split_displacement(system_, displacement);
     split_pressure(system_.flow(), pressure);
+    la::set_up_with_fields(blocks[0]);
   }
   const bool updates = changes_ && (again || la::HierarchyUpdate::can_update(displacement));
   // Without an update at hand the block sets itself up when its matrix has changed.
@@ -214,23 +221,46 @@ void CoupledSolver::set_up_blocks(bool again) {
 }
 
 void CoupledSolver::start_step() {
-  if (!factorises_) return;
+  starts_step_ = true;
+  if (fixed_stress_.get() != nullptr) return;
   has_preconditioner_ = false;
   changed_since_setup_ = last_iterations_ = 0;
   iterations_after_setup_ = -1;
+  if (!factorises_) choose();  // of a factorisation its order stays, which depends on the pattern alone
+}
+
+std::optional<PreconditionerOrigin> CoupledSolver::origin() const {
+  if (!has_preconditioner_ || fixed_stress_.get() == nullptr) return std::nullopt;
+  return PreconditionerOrigin{law_of_setup_, iterations_after_setup_, last_iterations_};
+}
+
+void CoupledSolver::set_up_as_resumed() {
+  const std::span<const physics::ContactLinearisation> law = system_.linearised_law();
+  std::vector<physics::ContactLinearisation> now(law.begin(), law.end());
+  const PreconditionerOrigin origin = *std::exchange(resumed_, std::nullopt);
+  system_.linearise_as(origin.law, content_);
+  set_up(true);
+  iterations_after_setup_ = origin.iterations_after_setup;
+  last_iterations_ = origin.last_iterations;
+  system_.linearise_as(std::move(now), content_);
 }
 
 void CoupledSolver::matrix_changed(const std::vector<ContactState>& states, bool everywhere) {
   changed_since_setup_ += take_over(system_.mesh().comm, states, everywhere);
+  if (resumed_ && fixed_stress_.get() != nullptr) set_up_as_resumed();
   const bool many = factorises_ && changed_since_setup_ * system_.layout().dim() > 30;
   const bool costly = iterations_after_setup_ >= 0 && last_iterations_ > 1.5 * iterations_after_setup_ + (factorises_ ? 3 : 10);
   const bool plain = !factorises_ && fixed_stress_.get() == nullptr;
   set_up(!has_preconditioner_ || many || costly || plain);
+  starts_step_ = false;
 }
 
+/// Newton asks for more even where all rows together are that small: then for a tenth.
 double CoupledSolver::target(const assembly::ResidualNorms& norms, double newton_rtol) const {
   const double flow = std::max(norms.flow_floor, newton_rtol * norms.flow_scale) * system_.pressure_scale();
-  return 0.1 * std::min(newton_rtol * norms.momentum_scale, flow);
+  PetscReal size = 0;
+  POLYSLIP_PETSC(VecNorm(rhs_, NORM_2, &size));
+  return 0.1 * std::min({newton_rtol * norms.momentum_scale, flow, size});
 }
 
 PetscErrorCode CoupledSolver::solve(Vec f, Vec direction, const assembly::ResidualNorms& norms, double newton_rtol, bool loose) {

@@ -18,4 +18,17 @@ inline void define_field(PC pc, const char* name, IS rows) {
   if (known == nullptr) POLYSLIP_PETSC(PCFieldSplitSetIS(pc, name, rows));
 }
 
+/// Sets a solver up for its matrix as it is, the solvers of its fields too; PETSc leaves those to their first solve.
+inline void set_up_with_fields(KSP ksp) {
+  PC pc = nullptr;
+  POLYSLIP_PETSC(KSPSetUp(ksp));
+  POLYSLIP_PETSC(KSPGetPC(ksp, &pc));
+  if (!is_field_split(pc)) return;
+  PetscInt n = 0;
+  KSP* fields = nullptr;
+  POLYSLIP_PETSC(PCFieldSplitGetSubKSP(pc, &n, &fields));
+  for (PetscInt i = 0; i < n; ++i) POLYSLIP_PETSC(KSPSetUp(fields[i]));
+  POLYSLIP_PETSC(PetscFree(fields));
+}
+
 }  // namespace polyslip::la
