@@ -1,6 +1,9 @@
 #include "polyslip/la/hierarchy_update.hpp"
 
 #include <algorithm>
+#include <utility>
+
+#include "polyslip/la/field_split.hpp"
 
 namespace polyslip::la {
 
@@ -42,7 +45,59 @@ std::vector<PetscInt> filled_rows(Mat matrix) {
   return rows;
 }
 
+void fill_empty_rows_of(Mat matrix) {
+  Handle<Vec> diagonal;
+  PetscReal largest = 0;
+  POLYSLIP_PETSC(MatCreateVecs(matrix, nullptr, diagonal.put()));
+  POLYSLIP_PETSC(MatGetDiagonal(matrix, diagonal));
+  POLYSLIP_PETSC(VecMax(diagonal, nullptr, &largest));
+  PetscInt begin = 0, end = 0;
+  const PetscScalar* values = nullptr;
+  POLYSLIP_PETSC(VecGetOwnershipRange(diagonal, &begin, &end));
+  POLYSLIP_PETSC(VecGetArrayRead(diagonal, &values));
+  for (PetscInt row = begin; row < end; ++row)
+    if (values[row - begin] == 0) POLYSLIP_PETSC(MatSetValue(matrix, row, row, largest, INSERT_VALUES));
+  POLYSLIP_PETSC(VecRestoreArrayRead(diagonal, &values));
+  POLYSLIP_PETSC(MatAssemblyBegin(matrix, MAT_FINAL_ASSEMBLY));
+  POLYSLIP_PETSC(MatAssemblyEnd(matrix, MAT_FINAL_ASSEMBLY));
+}
+
+/// Solver and operator of a level, 0 the coarsest.
+std::pair<KSP, Mat> level_of(PC hierarchy, PetscInt level) {
+  KSP smoother = nullptr;
+  Mat matrix = nullptr;
+  POLYSLIP_PETSC(PCMGGetSmoother(hierarchy, level, &smoother));
+  POLYSLIP_PETSC(KSPGetOperators(smoother, nullptr, &matrix));
+  return {smoother, matrix};
+}
+
+PetscInt levels_of(PC hierarchy) {
+  PetscInt levels = 0;
+  POLYSLIP_PETSC(PCMGGetLevels(hierarchy, &levels));
+  return levels;
+}
+
 }  // namespace
+
+void fill_empty_rows(PC pc) {
+  for_each_field(pc, [](KSP field) {
+    PC inner = nullptr;
+    POLYSLIP_PETSC(KSPGetPC(field, &inner));
+    fill_empty_rows(inner);
+  });
+  if (!HierarchyUpdate::can_update(pc)) return;
+  for (PetscInt level = 0; level + 1 < levels_of(pc); ++level) fill_empty_rows_of(level_of(pc, level).second);
+  estimate_eigenvalues_again(pc);
+}
+
+void estimate_eigenvalues_again(PC hierarchy) {
+  for (PetscInt level = 1; level < levels_of(hierarchy); ++level) {
+    KSP smoother = level_of(hierarchy, level).first;
+    Mat matrix = nullptr, preconditioner = nullptr;
+    POLYSLIP_PETSC(KSPGetOperators(smoother, &matrix, &preconditioner));
+    POLYSLIP_PETSC(KSPSetOperators(smoother, matrix, preconditioner));
+  }
+}
 
 HierarchyUpdate::HierarchyUpdate(Mat fine, std::vector<PetscInt> rows) : fine_(fine), rows_(std::move(rows)), change_(rows_of(fine, rows_)) {}
 
@@ -50,9 +105,7 @@ bool HierarchyUpdate::can_update(PC pc) {
   PetscBool is_hierarchy = PETSC_FALSE;
   POLYSLIP_PETSC(PetscObjectTypeCompareAny(reinterpret_cast<PetscObject>(pc), &is_hierarchy, PCGAMG, PCML, ""));
   if (!is_hierarchy) return false;
-  PetscInt levels = 0;
-  POLYSLIP_PETSC(PCMGGetLevels(pc, &levels));
-  return levels > 1;
+  return levels_of(pc) > 1;
 }
 
 void HierarchyUpdate::is_set_up() {
@@ -109,8 +162,7 @@ void HierarchyUpdate::Rows::put_back(Mat matrix) const {
 
 void HierarchyUpdate::apply(PC pc) {
   write_change();
-  PetscInt levels = 0;
-  POLYSLIP_PETSC(PCMGGetLevels(pc, &levels));
+  const PetscInt levels = levels_of(pc);
   const bool first = coarse_changes_.empty();
   if (first) {
     coarse_changes_.resize(static_cast<std::size_t>(levels) - 1);
@@ -121,11 +173,8 @@ void HierarchyUpdate::apply(PC pc) {
     const auto at = static_cast<std::size_t>(levels - 1 - level);
     Handle<Mat>& coarse = coarse_changes_[at];
     Rows& rows = coarse_rows_[at];
-    Mat prolongation = nullptr, operator_matrix = nullptr;
-    KSP smoother = nullptr;
+    Mat prolongation = nullptr, operator_matrix = level_of(pc, level - 1).second;
     POLYSLIP_PETSC(PCMGGetInterpolation(pc, level, &prolongation));
-    POLYSLIP_PETSC(PCMGGetSmoother(pc, level - 1, &smoother));
-    POLYSLIP_PETSC(KSPGetOperators(smoother, nullptr, &operator_matrix));
     if (first) {
       POLYSLIP_PETSC(MatPtAP(change, prolongation, MAT_INITIAL_MATRIX, PETSC_DEFAULT, coarse.put()));
       for (PetscInt row : filled_rows(coarse)) rows.keep(operator_matrix, row);

@@ -30,19 +30,6 @@ PetscErrorCode apply_exact(Mat shell, Vec x, Vec y) {
   PetscFunctionReturn(0);
 }
 
-/// Chebyshev smoothers take over a matrix that has changed in place with the eigenvalues of the old one, unless they are told.
-void estimate_eigenvalues_again(PC hierarchy) {
-  PetscInt levels = 0;
-  POLYSLIP_PETSC(PCMGGetLevels(hierarchy, &levels));
-  for (PetscInt level = 1; level < levels; ++level) {
-    KSP smoother = nullptr;
-    Mat matrix = nullptr, preconditioner = nullptr;
-    POLYSLIP_PETSC(PCMGGetSmoother(hierarchy, level, &smoother));
-    POLYSLIP_PETSC(KSPGetOperators(smoother, &matrix, &preconditioner));
-    POLYSLIP_PETSC(KSPSetOperators(smoother, matrix, preconditioner));
-  }
-}
-
 }  // namespace
 
 CoupledSolver::CoupledSolver(CoupledSystem& system)
@@ -208,14 +195,15 @@ void CoupledSolver::set_up_blocks(bool again) {
   if (again) {
     split_displacement(system_, displacement);
     split_pressure(system_.flow(), pressure);
-    la::set_up_with_fields(blocks[0]);
   }
-  const bool updates = changes_ && (again || la::HierarchyUpdate::can_update(displacement));
-  // Without an update at hand the block sets itself up when its matrix has changed.
-  POLYSLIP_PETSC(KSPSetReusePreconditioner(blocks[0], updates ? PETSC_TRUE : PETSC_FALSE));
-  if (!again && updates) {
+  if (!again && changes_ && la::HierarchyUpdate::can_update(displacement)) {
     changes_->apply(displacement);
-    estimate_eigenvalues_again(displacement);
+    la::estimate_eigenvalues_again(displacement);
+  } else {
+    POLYSLIP_PETSC(KSPSetReusePreconditioner(blocks[0], PETSC_FALSE));
+    la::set_up_with_fields(blocks[0]);
+    la::fill_empty_rows(displacement);
+    POLYSLIP_PETSC(KSPSetReusePreconditioner(blocks[0], PETSC_TRUE));
   }
   POLYSLIP_PETSC(PetscFree(blocks));
 }

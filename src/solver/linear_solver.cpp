@@ -49,6 +49,7 @@ void LinearSolver::choose() {
   user_ksp_ = la::user_sets(prefix, "-ksp_type");
   if (la::user_sets(prefix, "-pc_type")) {
     choice_ = "linear solver: as the options say";
+    if (la::user_chooses(prefix, "-pc_type", displacement_multigrid(system_))) default_displacement_multigrid(system_, prefix);
   } else if (direct) {
     POLYSLIP_PETSC(PCSetType(pc, PCCHOLESKY));
     choice_ = fmt::format("linear solver: sparse Cholesky (MUMPS), as {} unknowns in {}D are at most {}; -displacement_pc_type gamg for multigrid",
@@ -100,11 +101,11 @@ void LinearSolver::set_up_preconditioner(bool again) {
     const bool new_aggregates = !has_aggregates_ || aggregates_are_stale();
     if (new_aggregates) states_of_aggregates_ = states_of_matrix_;
     has_aggregates_ = true;
-    if (has_preconditioner_ && new_aggregates) {
-      POLYSLIP_PETSC(PCGAMGSetReuseInterpolation(pc, PETSC_FALSE));
-      POLYSLIP_PETSC(KSPSetUp(ksp_));
-      POLYSLIP_PETSC(PCGAMGSetReuseInterpolation(pc, PETSC_TRUE));
-    }
+    const bool forgets = has_preconditioner_ && new_aggregates;
+    if (forgets) POLYSLIP_PETSC(PCGAMGSetReuseInterpolation(pc, PETSC_FALSE));
+    POLYSLIP_PETSC(KSPSetUp(ksp_));
+    if (forgets) POLYSLIP_PETSC(PCGAMGSetReuseInterpolation(pc, PETSC_TRUE));
+    la::fill_empty_rows(pc);
   }
   if (!factorises_ && updates_hierarchy_ && system_.fracture_faces() > 0) {
     if (!changes_) changes_.emplace(system_.matrix(), system_.changing_rows());

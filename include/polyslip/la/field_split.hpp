@@ -18,17 +18,23 @@ inline void define_field(PC pc, const char* name, IS rows) {
   if (known == nullptr) POLYSLIP_PETSC(PCFieldSplitSetIS(pc, name, rows));
 }
 
+/// visit(KSP) of each field; none where a preconditioner does not split.
+template <class Visit>
+void for_each_field(PC pc, Visit&& visit) {
+  if (!is_field_split(pc)) return;
+  PetscInt n = 0;
+  KSP* fields = nullptr;
+  POLYSLIP_PETSC(PCFieldSplitGetSubKSP(pc, &n, &fields));
+  for (PetscInt i = 0; i < n; ++i) visit(fields[i]);
+  POLYSLIP_PETSC(PetscFree(fields));
+}
+
 /// Sets a solver up for its matrix as it is, the solvers of its fields too; PETSc leaves those to their first solve.
 inline void set_up_with_fields(KSP ksp) {
   PC pc = nullptr;
   POLYSLIP_PETSC(KSPSetUp(ksp));
   POLYSLIP_PETSC(KSPGetPC(ksp, &pc));
-  if (!is_field_split(pc)) return;
-  PetscInt n = 0;
-  KSP* fields = nullptr;
-  POLYSLIP_PETSC(PCFieldSplitGetSubKSP(pc, &n, &fields));
-  for (PetscInt i = 0; i < n; ++i) POLYSLIP_PETSC(KSPSetUp(fields[i]));
-  POLYSLIP_PETSC(PetscFree(fields));
+  for_each_field(pc, [](KSP field) { POLYSLIP_PETSC(KSPSetUp(field)); });
 }
 
 }  // namespace polyslip::la

@@ -14,6 +14,14 @@
 
 namespace polyslip::la {
 
+/// Gives the empty rows of coarse operators a diagonal: an aggregate with too few nodes for its modes leaves columns of the prolongation
+/// empty, and incomplete Cholesky would shift the diagonal of all rows until that one is positive. Nothing is ever restricted to these rows.
+/// To be called after each full set-up; in a PCFIELDSPLIT for the hierarchies of its fields, others are left as they are.
+void fill_empty_rows(PC pc);
+
+/// Chebyshev smoothers take over a matrix that has changed in place with the eigenvalues of the old one, unless they are told.
+void estimate_eigenvalues_again(PC hierarchy);
+
 class HierarchyUpdate {
  public:
   /// Rows of `fine` (of this rank, global numbers, ascending) that may change; columns and pattern stay.

@@ -1,0 +1,84 @@
+// What is done to the coarse operators of algebraic multigrid behind its back.
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <tuple>
+#include <vector>
+
+#include "polyslip/la/hierarchy_update.hpp"
+
+namespace polyslip {
+namespace {
+
+constexpr PetscInt nodes = 400, dim = 3;
+
+/// Springs between the nodes of a line, each also held a little; the last node is all but loose from the others.
+la::Handle<Mat> line_of_springs() {
+  la::Handle<Mat> matrix;
+  POLYSLIP_PETSC(MatCreateAIJ(PETSC_COMM_SELF, nodes * dim, nodes * dim, nodes * dim, nodes * dim, 3, nullptr, 0, nullptr, matrix.put()));
+  POLYSLIP_PETSC(MatSetBlockSize(matrix, dim));
+  for (PetscInt node = 0; node < nodes; ++node)
+    for (PetscInt c = 0; c < dim; ++c) {
+      const PetscInt row = node * dim + c, next = row + dim;
+      POLYSLIP_PETSC(MatSetValue(matrix, row, row, 1e-3, ADD_VALUES));
+      if (node + 1 == nodes) continue;
+      const double k = node + 2 == nodes ? 1e-9 : 1;
+      for (const auto& [i, j, value] : {std::tuple{row, row, k}, {next, next, k}, {row, next, -k}, {next, row, -k}})
+        POLYSLIP_PETSC(MatSetValue(matrix, i, j, value, ADD_VALUES));
+    }
+  POLYSLIP_PETSC(MatAssemblyBegin(matrix, MAT_FINAL_ASSEMBLY));
+  POLYSLIP_PETSC(MatAssemblyEnd(matrix, MAT_FINAL_ASSEMBLY));
+  la::Handle<Vec> coordinates;
+  POLYSLIP_PETSC(MatCreateVecs(matrix, coordinates.put(), nullptr));
+  POLYSLIP_PETSC(VecSetBlockSize(coordinates, dim));
+  for (PetscInt node = 0; node < nodes; ++node) POLYSLIP_PETSC(VecSetValue(coordinates, node * dim, node, INSERT_VALUES));
+  POLYSLIP_PETSC(VecAssemblyBegin(coordinates));
+  POLYSLIP_PETSC(VecAssemblyEnd(coordinates));
+  MatNullSpace modes = nullptr;
+  POLYSLIP_PETSC(MatNullSpaceCreateRigidBody(coordinates, &modes));
+  POLYSLIP_PETSC(MatSetNearNullSpace(matrix, modes));
+  POLYSLIP_PETSC(MatNullSpaceDestroy(&modes));
+  return matrix;
+}
+
+std::vector<double> coarse_diagonal(PC pc, PetscInt level) {
+  KSP smoother = nullptr;
+  Mat matrix = nullptr;
+  la::Handle<Vec> diagonal;
+  POLYSLIP_PETSC(PCMGGetSmoother(pc, level, &smoother));
+  POLYSLIP_PETSC(KSPGetOperators(smoother, nullptr, &matrix));
+  POLYSLIP_PETSC(MatCreateVecs(matrix, nullptr, diagonal.put()));
+  POLYSLIP_PETSC(MatGetDiagonal(matrix, diagonal));
+  PetscInt n = 0;
+  const PetscScalar* values = nullptr;
+  POLYSLIP_PETSC(VecGetLocalSize(diagonal, &n));
+  POLYSLIP_PETSC(VecGetArrayRead(diagonal, &values));
+  std::vector<double> copy(values, values + n);
+  POLYSLIP_PETSC(VecRestoreArrayRead(diagonal, &values));
+  return copy;
+}
+
+TEST(hierarchy, gives_empty_rows_of_coarse_operators_a_diagonal_and_leaves_the_others) {
+  const la::Handle<Mat> matrix = line_of_springs();
+  la::Handle<KSP> ksp;
+  PC pc = nullptr;
+  PetscInt levels = 0;
+  POLYSLIP_PETSC(KSPCreate(PETSC_COMM_SELF, ksp.put()));
+  POLYSLIP_PETSC(KSPSetOperators(ksp, matrix, matrix));
+  POLYSLIP_PETSC(KSPGetPC(ksp, &pc));
+  POLYSLIP_PETSC(PCSetType(pc, PCGAMG));
+  const PetscReal threshold = 0.01;
+  POLYSLIP_PETSC(PCGAMGSetThreshold(pc, const_cast<PetscReal*>(&threshold), 1));
+  POLYSLIP_PETSC(PCSetUp(pc));
+  POLYSLIP_PETSC(PCMGGetLevels(pc, &levels));
+  ASSERT_GT(levels, 1);
+  const std::vector<double> before = coarse_diagonal(pc, levels - 2);
+  ASSERT_GT(std::count(before.begin(), before.end(), 0.0), 0) << "the loose node must be an aggregate of its own";
+  la::fill_empty_rows(pc);
+  const std::vector<double> after = coarse_diagonal(pc, levels - 2);
+  const double largest = *std::max_element(before.begin(), before.end());
+  for (std::size_t i = 0; i < before.size(); ++i) EXPECT_EQ(after[i], before[i] == 0 ? largest : before[i]);
+}
+
+}  // namespace
+}  // namespace polyslip
