@@ -100,30 +100,29 @@ CellGraph gather_on_root(MPI_Comm comm, const CellGraph& mine) {
   return all;
 }
 
-}  // namespace
-
-SlicedMesh::SlicedMesh(MPI_Comm comm, NativeSlice slice, CellSides sides)
-    : comm_(comm),
-      slice_(std::move(slice)),
-      sides_(std::move(sides)),
-      cell_nodes_(nodes_of_cells()),
-      node_cells_(cells_around_nodes()),
-      across_(cells_across_fractures()) {}
-
-Csr SlicedMesh::nodes_of_cells() const {
-  const Csr& cells = slice_.mesh.cell_faces;
-  const Csr faces = RemoteRows(comm_, slice_.faces, cells.values).get(slice_.mesh.face_nodes);
+/// Distinct nodes of each cell, ascending; `nodes` are those of the faces, entry by entry of cell_faces.
+Csr nodes_of_cells(const Csr& cell_faces, const Csr& nodes) {
   Csr result;
-  std::vector<Index> nodes;
-  for (Index cell = 0; cell < cells.rows(); ++cell) {
-    const auto of_faces = faces.values.begin();
-    nodes.assign(of_faces + faces.offsets[cells.offsets[cell]], of_faces + faces.offsets[cells.offsets[cell + 1]]);
-    std::sort(nodes.begin(), nodes.end());
-    nodes.erase(std::unique(nodes.begin(), nodes.end()), nodes.end());
-    result.push_row(nodes);
+  std::vector<Index> row;
+  for (Index cell = 0; cell < cell_faces.rows(); ++cell) {
+    const auto first = nodes.values.begin();
+    row.assign(first + nodes.offsets[cell_faces.offsets[cell]], first + nodes.offsets[cell_faces.offsets[cell + 1]]);
+    std::sort(row.begin(), row.end());
+    row.erase(std::unique(row.begin(), row.end()), row.end());
+    result.push_row(row);
   }
   return result;
 }
+
+}  // namespace
+
+SlicedMesh::SlicedMesh(MPI_Comm comm, NativeSlice slice, CellSides sides, Csr cell_nodes)
+    : comm_(comm),
+      slice_(std::move(slice)),
+      sides_(std::move(sides)),
+      cell_nodes_(std::move(cell_nodes)),
+      node_cells_(cells_around_nodes()),
+      across_(cells_across_fractures()) {}
 
 Csr SlicedMesh::cells_around_nodes() const {
   std::vector<Index> cells;
@@ -230,7 +229,8 @@ SlicedMesh read_sliced(MPI_Comm comm, const std::filesystem::path& file) {
   RemoteRows(comm, slice.nodes, mesh.face_nodes.values).put(std::vector<Index>(mesh.face_nodes.values.size(), 1), used);
   const long long named = mpi::sum(comm, named_sides(slice));
   mpi::together(comm, [&] { check_native_slice(slice, sides, named, used); });
-  return {comm, std::move(slice), std::move(sides)};
+  Csr cell_nodes = nodes_of_cells(mesh.cell_faces, faces.get(mesh.face_nodes));
+  return {comm, std::move(slice), std::move(sides), std::move(cell_nodes)};
 }
 
 }  // namespace polyslip::mesh

@@ -21,8 +21,8 @@ struct Piece {
 /// Nodes, faces and cells in slices, and what the ranks look up there. All functions but those of `slice` are collective.
 class SlicedMesh {
  public:
-  /// `sides` are those of the slice's cells.
-  SlicedMesh(MPI_Comm comm, NativeSlice slice, CellSides sides);
+  /// `sides` and `cell_nodes` (distinct, ascending) are those of the slice's cells.
+  SlicedMesh(MPI_Comm comm, NativeSlice slice, CellSides sides, Csr cell_nodes);
 
   [[nodiscard]] MPI_Comm comm() const { return comm_; }
   [[nodiscard]] const NativeSlice& slice() const { return slice_; }
@@ -36,7 +36,6 @@ class SlicedMesh {
   [[nodiscard]] Piece piece(const std::vector<Index>& part) const;
 
  private:
-  [[nodiscard]] Csr nodes_of_cells() const;
   [[nodiscard]] Csr cells_around_nodes() const;
   [[nodiscard]] Csr cells_across_fractures() const;
   [[nodiscard]] std::vector<Index> owned_cells(const std::vector<Index>& part) const;
