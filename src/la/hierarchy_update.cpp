@@ -109,21 +109,15 @@ bool HierarchyUpdate::can_update(PC pc) {
 }
 
 void HierarchyUpdate::is_set_up() {
-  values_.clear();
+  fine_rows_ = {};
   coarse_changes_.clear();
   coarse_rows_.clear();
-  for (PetscInt row : rows_) {
-    PetscInt n = 0;
-    const PetscScalar* values = nullptr;
-    POLYSLIP_PETSC(MatGetRow(fine_, row, &n, nullptr, &values));
-    values_.insert(values_.end(), values, values + n);
-    POLYSLIP_PETSC(MatRestoreRow(fine_, row, &n, nullptr, &values));
-  }
+  for (PetscInt row : rows_) fine_rows_.keep(fine_, row);
 }
 
 void HierarchyUpdate::write_change() {
   std::vector<PetscScalar> difference;
-  auto before = values_.begin();
+  auto before = fine_rows_.values.begin();
   for (PetscInt row : rows_) {
     PetscInt n = 0;
     const PetscInt* columns = nullptr;

@@ -47,8 +47,8 @@ class HierarchyUpdate {
 
   Mat fine_;
   std::vector<PetscInt> rows_;
-  std::vector<PetscScalar> values_;  ///< Of the rows, one behind the other, at the set-up.
-  Handle<Mat> change_;               ///< dA of the finest level: rows_ only.
+  Rows fine_rows_;      ///< rows_ at the set-up.
+  Handle<Mat> change_;  ///< dA of the finest level: rows_ only.
   // Of the other levels, finest first; empty until the first update of a hierarchy.
   std::vector<Handle<Mat>> coarse_changes_;  ///< dA
   std::vector<Rows> coarse_rows_;            ///< Rows of A^0 that dA has.
