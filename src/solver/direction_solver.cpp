@@ -9,7 +9,7 @@ namespace polyslip::solver {
 
 using physics::ContactState;
 
-PetscErrorCode DirectionSolver::run(KSP ksp, Vec rhs, Vec solution, double rtol, double target, const char* remedy) {
+PetscErrorCode DirectionSolver::run(const la::Handle<KSP>& ksp, Vec rhs, Vec solution, double rtol, double target, const char* remedy) {
   PetscFunctionBeginUser;
   PetscCall(run_once(ksp, rhs, solution, rtol, target, remedy));
   if (failed_ && is_reused_) {
@@ -19,7 +19,7 @@ PetscErrorCode DirectionSolver::run(KSP ksp, Vec rhs, Vec solution, double rtol,
   PetscFunctionReturn(0);
 }
 
-PetscErrorCode DirectionSolver::go_on(KSP ksp, Vec rhs, Vec solution, double target, const char* remedy) {
+PetscErrorCode DirectionSolver::go_on(const la::Handle<KSP>& ksp, Vec rhs, Vec solution, double target, const char* remedy) {
   PetscFunctionBeginUser;
   const int before = last_iterations_;
   PetscCall(KSPSetInitialGuessNonzero(ksp, PETSC_TRUE));

@@ -55,10 +55,10 @@ class DirectionSolver {
 
  protected:
   /// Solves until the residual is below `target` or below the larger of rtol and the user's relative tolerance, and books that; with another
-  /// preconditioner where an old one fails. `remedy` is what needs less memory.
-  PetscErrorCode run(KSP ksp, Vec rhs, Vec solution, double rtol, double target, const char* remedy);
+  /// preconditioner where an old one fails, which may come with another KSP. `remedy` is what needs less memory.
+  PetscErrorCode run(const la::Handle<KSP>& ksp, Vec rhs, Vec solution, double rtol, double target, const char* remedy);
   /// Goes on from a solution that a loose run has left, down to `target`, and books the two as one.
-  PetscErrorCode go_on(KSP ksp, Vec rhs, Vec solution, double target, const char* remedy);
+  PetscErrorCode go_on(const la::Handle<KSP>& ksp, Vec rhs, Vec solution, double target, const char* remedy);
   /// Sets the preconditioner up for the matrix as it is.
   virtual void set_up_again() = 0;
   /// Takes over the states of the owned faces; returns how many faces, over all ranks, have changed with that: all where there were none

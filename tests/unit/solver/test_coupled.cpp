@@ -289,6 +289,22 @@ TEST(fixed_stress, serves_fractures_that_close_as_well_as_when_set_up_for_them) 
   EXPECT_LE(after_update, iterations_at(system, fresh, closed) + 3);
 }
 
+TEST(fixed_stress, is_set_up_anew_where_an_old_one_fails) {
+  const ScopedOption split("-coupled_pc_type", "fieldsplit");
+  CoupledScene scene({2, "quads"}, {});
+  CoupledSystem& system = *scene.system;
+  la::Handle<Vec> z = system.create_vector();
+  ASSERT_TRUE(system.begin_step(z, 0.3));
+  scene.flow->set_loads(scene.flow->load_assembler().at(1));
+  system.set_loads(system.load_assembler().at(1));
+  solver::CoupledSolver linear(system);
+  iterations_at(system, linear, z);
+  POLYSLIP_PETSC(KSPSetTolerances(linear.ksp(), 1e-12, 0, 1e-30, 500));  // whatever is left counts as divergence
+  EXPECT_GT(iterations_at(system, linear, z), 1);
+  EXPECT_FALSE(linear.failed());
+  EXPECT_EQ(linear.counts().setups, 2);
+}
+
 TEST(fixed_stress, goes_on_where_newton_does) {
   const ScopedOption split("-coupled_pc_type", "fieldsplit");
   CoupledScene scene({2, "quads"}, {});
