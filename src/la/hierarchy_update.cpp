@@ -86,16 +86,12 @@ void fill_empty_rows(PC pc) {
     fill_empty_rows(inner);
   });
   if (!HierarchyUpdate::can_update(pc)) return;
-  for (PetscInt level = 0; level + 1 < levels_of(pc); ++level) fill_empty_rows_of(level_of(pc, level).second);
-  estimate_eigenvalues_again(pc);
-}
-
-void estimate_eigenvalues_again(PC hierarchy) {
-  for (PetscInt level = 1; level < levels_of(hierarchy); ++level) {
-    KSP smoother = level_of(hierarchy, level).first;
-    Mat matrix = nullptr, preconditioner = nullptr;
-    POLYSLIP_PETSC(KSPGetOperators(smoother, &matrix, &preconditioner));
-    POLYSLIP_PETSC(KSPSetOperators(smoother, matrix, preconditioner));
+  for (PetscInt level = 0; level + 1 < levels_of(pc); ++level) {
+    const auto [smoother, matrix] = level_of(pc, level);
+    fill_empty_rows_of(matrix);
+    // Chebyshev smoothers take over a matrix that has changed in place with the eigenvalues of the old one, unless they are told.
+    POLYSLIP_PETSC(KSPSetOperators(smoother, matrix, matrix));
+    POLYSLIP_PETSC(KSPSetUp(smoother));
   }
 }
 

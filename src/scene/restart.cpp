@@ -46,9 +46,6 @@ std::vector<PressureTable> pressure_tables(const assembly::FlowSystem& flow) {
 
 /// Names of tables of the state before the accepted one begin with this.
 constexpr const char* before = "before_";
-/// The table of solver::PreconditionerOrigin::law.
-constexpr const char* law_of_setup = "law_of_setup";
-constexpr int law_columns = 19;
 
 void save_displacement(const assembly::MechanicsSystem& system, Vec x, const std::string& prefix, std::vector<CheckpointTable>& tables) {
   const assembly::Layout& layout = system.layout();
@@ -143,38 +140,6 @@ void resume_before(const Checkpoint& checkpoint, const Model& model, solver::Cou
   resume_displacement(checkpoint, *model.mechanics(), before, state.x);
   resume_flow(checkpoint, *model.flow(), before, state.q);
   step.restore_before(state);
-}
-
-/// From what a preconditioner that is kept was set up: state, d_lam and d_jump of each face.
-void save_preconditioner(const Model& model, io::CheckpointValues& values, std::vector<CheckpointTable>& tables) {
-  const auto origin = model.newton()->origin();
-  if (!origin) return;
-  values.scalars["iterations_after_setup"] = origin->iterations_after_setup;
-  values.scalars["last_iterations"] = origin->last_iterations;
-  const mesh::DistributedMesh& mesh = model.mesh();
-  if (mesh.fractures.total == 0) return;
-  CheckpointTable table{law_of_setup, law_columns, owned(mesh.fracture_face_input, mesh.fractures.owned), {}};
-  for (const physics::ContactLinearisation& law : std::span(origin->law).first(table.numbers.size())) {
-    table.values.push_back(static_cast<double>(law.state));
-    for (const Eigen::Matrix3d* part : {&law.d_lam, &law.d_jump}) table.values.insert(table.values.end(), part->data(), part->data() + part->size());
-  }
-  tables.push_back(std::move(table));
-}
-
-void resume_preconditioner(const Checkpoint& checkpoint, const Model& model) {
-  if (!checkpoint.has_scalar("iterations_after_setup")) return;
-  solver::PreconditionerOrigin origin;
-  origin.iterations_after_setup = static_cast<int>(checkpoint.scalar("iterations_after_setup"));
-  origin.last_iterations = static_cast<int>(checkpoint.scalar("last_iterations"));
-  const mesh::DistributedMesh& mesh = model.mesh();
-  const std::vector<double> rows =
-      mesh.fractures.total > 0 ? checkpoint.rows(law_of_setup, law_columns, mesh.fracture_face_input) : std::vector<double>();
-  for (auto row = rows.begin(); row != rows.end(); row += law_columns)
-    origin.law.push_back({.residual = Vec3::Zero(),
-                          .d_lam = Eigen::Matrix3d(&row[1]),
-                          .d_jump = Eigen::Matrix3d(&row[10]),
-                          .state = static_cast<physics::ContactState>(row[0])});
-  model.newton()->resume(std::move(origin));
 }
 
 /// The counters of all runs so far by their names in the checkpoint.
@@ -279,7 +244,6 @@ void save_run(const std::filesystem::path& file, const Scene& scene, const Model
   if (model.mechanics()) save_mechanics(*model.mechanics(), model.displacement().accepted, tables);
   if (model.flow()) save_flow(*model.flow(), model.pressure().accepted, "", tables);
   if (model.coupled_step() != nullptr) save_before(*model.coupled_step(), model, values, tables);
-  if (model.newton() != nullptr) save_preconditioner(model, values, tables);
   io::write_checkpoint(model.mesh().comm, file, values, tables);
 }
 
@@ -300,7 +264,6 @@ solver::StepperState resume_run(const io::Checkpoint& checkpoint, const std::str
     if (checkpoint.has_scalar(scalar)) *value = checkpoint.scalar(scalar);
   model.resume(steps.time, {checkpoint.scalar("load_fraction"), checkpoint.scalar("flow_step"), checkpoint.scalar("largest_turnover")});
   if (model.coupled_step() != nullptr) resume_before(checkpoint, model, *model.coupled_step());
-  if (model.newton() != nullptr) resume_preconditioner(checkpoint, model);
   return steps;
 }
 

@@ -8,7 +8,6 @@
 
 #include "polyslip/la/field_split.hpp"
 #include "polyslip/la/options.hpp"
-#include "polyslip/solver/displacement_multigrid.hpp"
 #include "polyslip/solver/pressure_multigrid.hpp"
 
 namespace polyslip::solver {
@@ -33,7 +32,7 @@ PetscErrorCode apply_exact(Mat shell, Vec x, Vec y) {
 }  // namespace
 
 CoupledSolver::CoupledSolver(CoupledSystem& system)
-    : system_(system), rhs_(system.create_condensed_vector()), solution_(system.create_condensed_vector()) {
+    : system_(system), rhs_(system.create_condensed_vector()), solution_(system.create_condensed_vector()), hierarchy_(system) {
   const Index n = system.layout().displacement_size() + system.flow().layout().size();
   POLYSLIP_PETSC(MatCreateShell(system.mesh().comm, n, n, PETSC_DETERMINE, PETSC_DETERMINE, &system, exact_operator_.put()));
   POLYSLIP_PETSC(MatShellSetOperation(exact_operator_, MATOP_MULT, reinterpret_cast<void (*)()>(apply_exact)));
@@ -175,35 +174,23 @@ void CoupledSolver::set_up_direct(bool again) {
 void CoupledSolver::set_up_blocks(bool again) {
   if (again && has_preconditioner_) choose();  // for the interpolation is kept otherwise
   if (again || fixed_stress_is_stale()) write_fixed_stress();  // the pressure block sets itself up when its matrix has changed
-  if (again) {
-    law_of_setup_.assign(system_.linearised_law().begin(), system_.linearised_law().end());
-    POLYSLIP_PETSC(KSPSetReusePreconditioner(ksp_, PETSC_FALSE));
-    POLYSLIP_PETSC(KSPSetUp(ksp_));
-    if (system_.fracture_faces() > 0) {
-      if (!changes_) changes_.emplace(system_.matrix(), system_.changing_rows());
-      changes_->is_set_up();
-    }
-  }
+  POLYSLIP_PETSC(KSPSetReusePreconditioner(ksp_, again ? PETSC_FALSE : PETSC_TRUE));
+  if (again) POLYSLIP_PETSC(KSPSetUp(ksp_));
   POLYSLIP_PETSC(KSPSetReusePreconditioner(ksp_, PETSC_TRUE));
-  PC pc = nullptr, displacement = nullptr, pressure = nullptr;
+  PC pc = nullptr;
   PetscInt n = 0;
   KSP* blocks = nullptr;
   POLYSLIP_PETSC(KSPGetPC(ksp_, &pc));
   POLYSLIP_PETSC(PCFieldSplitSchurGetSubKSP(pc, &n, &blocks));
-  POLYSLIP_PETSC(KSPGetPC(blocks[0], &displacement));
-  POLYSLIP_PETSC(KSPGetPC(blocks[1], &pressure));
   if (again) {
+    PC displacement = nullptr, pressure = nullptr;
+    POLYSLIP_PETSC(KSPGetPC(blocks[0], &displacement));
+    POLYSLIP_PETSC(KSPGetPC(blocks[1], &pressure));
     split_displacement(system_, displacement);
     split_pressure(system_.flow(), pressure);
-  }
-  if (!again && changes_ && la::HierarchyUpdate::can_update(displacement)) {
-    changes_->apply(displacement);
-    la::estimate_eigenvalues_again(displacement);
+    hierarchy_.set_up(blocks[0]);
   } else {
-    POLYSLIP_PETSC(KSPSetReusePreconditioner(blocks[0], PETSC_FALSE));
-    la::set_up_with_fields(blocks[0]);
-    la::fill_empty_rows(displacement);
-    POLYSLIP_PETSC(KSPSetReusePreconditioner(blocks[0], PETSC_TRUE));
+    hierarchy_.follow(blocks[0]);
   }
   POLYSLIP_PETSC(PetscFree(blocks));
 }
@@ -217,29 +204,12 @@ void CoupledSolver::start_step() {
   if (!factorises_) choose();  // of a factorisation its order stays, which depends on the pattern alone
 }
 
-std::optional<PreconditionerOrigin> CoupledSolver::origin() const {
-  if (!has_preconditioner_ || fixed_stress_.get() == nullptr) return std::nullopt;
-  return PreconditionerOrigin{law_of_setup_, iterations_after_setup_, last_iterations_};
-}
-
-void CoupledSolver::set_up_as_resumed() {
-  const std::span<const physics::ContactLinearisation> law = system_.linearised_law();
-  std::vector<physics::ContactLinearisation> now(law.begin(), law.end());
-  const PreconditionerOrigin origin = *std::exchange(resumed_, std::nullopt);
-  system_.linearise_as(origin.law, content_);
-  set_up(true);
-  iterations_after_setup_ = origin.iterations_after_setup;
-  last_iterations_ = origin.last_iterations;
-  system_.linearise_as(std::move(now), content_);
-}
-
 void CoupledSolver::matrix_changed(const std::vector<ContactState>& states, bool everywhere) {
   changed_since_setup_ += take_over(system_.mesh().comm, states, everywhere);
-  if (resumed_ && fixed_stress_.get() != nullptr) set_up_as_resumed();
-  const bool many = factorises_ && changed_since_setup_ * system_.layout().dim() > 30;
-  const bool costly = iterations_after_setup_ >= 0 && last_iterations_ > 1.5 * iterations_after_setup_ + (factorises_ ? 3 : 10);
-  const bool plain = !factorises_ && fixed_stress_.get() == nullptr;
-  set_up(!has_preconditioner_ || many || costly || plain);
+  const bool many = changed_since_setup_ * system_.layout().dim() > 30;
+  const bool costly = iterations_after_setup_ >= 0 && last_iterations_ > 1.5 * iterations_after_setup_ + 3;
+  const bool again = factorises_ ? many || costly : fixed_stress_.get() == nullptr;  // blocks follow the matrix
+  set_up(!has_preconditioner_ || again);
   starts_step_ = false;
 }
 

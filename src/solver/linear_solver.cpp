@@ -6,7 +6,6 @@
 
 #include "polyslip/common/mpi.hpp"
 #include "polyslip/la/options.hpp"
-#include "polyslip/solver/displacement_multigrid.hpp"
 
 namespace polyslip::solver {
 
@@ -29,7 +28,7 @@ PetscErrorCode apply_exact(Mat shell, Vec x, Vec y) {
 }  // namespace
 
 LinearSolver::LinearSolver(MechanicsSystem& system)
-    : system_(system), rhs_(system.layout().create_displacement_vector()), solution_(system.layout().create_displacement_vector()) {
+    : system_(system), rhs_(system.layout().create_displacement_vector()), solution_(system.layout().create_displacement_vector()), hierarchy_(system) {
   const Index n = system.layout().displacement_size();
   POLYSLIP_PETSC(MatCreateShell(system.mesh().comm, n, n, PETSC_DETERMINE, PETSC_DETERMINE, &system, exact_operator_.put()));
   POLYSLIP_PETSC(MatShellSetOperation(exact_operator_, MATOP_MULT, reinterpret_cast<void (*)()>(apply_exact)));
@@ -67,10 +66,10 @@ void LinearSolver::choose() {
   POLYSLIP_PETSC(KSPSetFromOptions(ksp_));
   split_displacement(system_, pc);
   POLYSLIP_PETSC(PetscOptionsGetReal(nullptr, prefix, "-loose_rtol", &loose_rtol_, nullptr));
-  POLYSLIP_PETSC(PetscOptionsGetBool(nullptr, prefix, "-update_hierarchy", &updates_hierarchy_, nullptr));
   PetscBool lu = PETSC_FALSE, factor = PETSC_FALSE;
   POLYSLIP_PETSC(PetscObjectTypeCompareAny(reinterpret_cast<PetscObject>(pc), &factor, PCLU, PCCHOLESKY, ""));
   factorises_ = factor == PETSC_TRUE;
+  has_hierarchy_ = DisplacementHierarchy::has_one(pc);
   POLYSLIP_PETSC(PetscObjectTypeCompare(reinterpret_cast<PetscObject>(pc), PCLU, &lu));
   if (lu) {
     content_ = MechanicsSystem::MatrixContent::exact;
@@ -93,36 +92,22 @@ void LinearSolver::set_method() {
 }
 
 void LinearSolver::set_up_preconditioner(bool again) {
-  POLYSLIP_PETSC(KSPSetReusePreconditioner(ksp_, again ? PETSC_FALSE : PETSC_TRUE));
   is_reused_ = !again;
+  bool entirely = true;
+  if (!has_hierarchy_)
+    POLYSLIP_PETSC(KSPSetReusePreconditioner(ksp_, again ? PETSC_FALSE : PETSC_TRUE));
+  else if (!has_preconditioner_)
+    hierarchy_.set_up(ksp_);
+  else if (again)
+    entirely = hierarchy_.follow(ksp_);
   if (!again) return;
-  if (const PC pc = hierarchy(); pc != nullptr) {
-    // Aggregates may stay as long as the fractures part and join the same sides.
-    const bool new_aggregates = !has_aggregates_ || aggregates_are_stale();
-    if (new_aggregates) states_of_aggregates_ = states_of_matrix_;
-    has_aggregates_ = true;
-    const bool forgets = has_preconditioner_ && new_aggregates;
-    if (forgets) POLYSLIP_PETSC(PCGAMGSetReuseInterpolation(pc, PETSC_FALSE));
-    POLYSLIP_PETSC(KSPSetUp(ksp_));
-    if (forgets) POLYSLIP_PETSC(PCGAMGSetReuseInterpolation(pc, PETSC_TRUE));
-    la::fill_empty_rows(pc);
-  }
-  if (!factorises_ && updates_hierarchy_ && system_.fracture_faces() > 0) {
-    if (!changes_) changes_.emplace(system_.matrix(), system_.changing_rows());
-    changes_->is_set_up();
-  }
-  is_as_new_ = !has_preconditioner_;
+  is_as_new_ = !has_preconditioner_ || has_hierarchy_;
   if (is_as_new_) law_of_setup_.assign(system_.linearised_law().begin(), system_.linearised_law().end());
   has_preconditioner_ = true;
   changed_since_setup_ = 0;
   iterations_after_setup_ = -1;
-  ++counts_.setups;
+  counts_.setups += entirely ? 1 : 0;
   if (factorises_) ++counts_.factorisations;
-}
-
-bool LinearSolver::aggregates_are_stale() const {
-  if (!has_aggregates_) return false;
-  return 2 * parted_since(system_.mesh().comm, states_of_aggregates_) > system_.fracture_faces();
 }
 
 bool LinearSolver::is_set_up_for(std::span<const physics::ContactLinearisation> law) const {
@@ -136,10 +121,9 @@ void LinearSolver::forget_other_steps() {
   changed_since_setup_ = last_iterations_ = 0;
   iterations_after_setup_ = -1;
   if (is_set_up_for(system_.linearised_law())) return;
-  has_preconditioner_ = is_as_new_ = false;
   states_of_matrix_.clear();
-  has_aggregates_ = false;
-  changes_.reset();
+  if (has_hierarchy_) return;  // which will follow
+  has_preconditioner_ = is_as_new_ = false;
   PC pc = nullptr;
   PetscBool cholesky = PETSC_FALSE;
   POLYSLIP_PETSC(KSPGetPC(ksp_, &pc));
@@ -152,31 +136,12 @@ void LinearSolver::matrix_changed(const std::vector<ContactState>& states, bool 
   set_method();
   const long long changed = take_over(system_.mesh().comm, states, everywhere);
   if (!has_preconditioner_ || content_ == MechanicsSystem::MatrixContent::exact) return set_up_preconditioner(true);
+  if (has_hierarchy_) return set_up_preconditioner(changed > 0);
   changed_since_setup_ += changed;
-  if (changed > 0 && !aggregates_are_stale() && update_hierarchy()) {
-    changed_since_setup_ = 0;
-    return set_up_preconditioner(false);
-  }
-  // A changed face is a perturbation of rank d, worth about d iterations to a factorisation and less to multigrid.
+  // A changed face is a perturbation of rank d, worth about d iterations to a factorisation and less to other preconditioners.
   const bool many = static_cast<double>(changed_since_setup_ * system_.layout().dim()) > (factorises_ ? 8 : 0.02 * system_.fracture_faces());
   const bool costly = iterations_after_setup_ >= 0 && last_iterations_ > 1.5 * iterations_after_setup_ + 5;
   set_up_preconditioner(many || costly);
-}
-
-PC LinearSolver::hierarchy() const {
-  PC pc = nullptr;
-  PetscBool is_hierarchy = PETSC_FALSE;
-  POLYSLIP_PETSC(KSPGetPC(ksp_, &pc));
-  POLYSLIP_PETSC(PetscObjectTypeCompareAny(reinterpret_cast<PetscObject>(pc), &is_hierarchy, PCGAMG, PCML, ""));
-  return is_hierarchy ? pc : nullptr;
-}
-
-bool LinearSolver::update_hierarchy() {
-  const PC pc = hierarchy();
-  if (!changes_ || pc == nullptr || !la::HierarchyUpdate::can_update(pc)) return false;
-  changes_->apply(pc);
-  is_as_new_ = false;
-  return true;
 }
 
 PetscErrorCode LinearSolver::solve(Vec f, Vec direction, const assembly::ResidualNorms& norms, double newton_rtol, bool loose) {

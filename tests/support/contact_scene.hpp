@@ -65,6 +65,19 @@ class ScopedOption {
   std::string name_;
 };
 
+/// By how much, relatively, two equal solves may differ: three ranks add up in the order in which messages arrive.
+inline double order_of_sums(MPI_Comm comm) { return mpi::size(comm) > 2 ? 1e-12 : 0; }
+
+/// Newton's direction at x, to 1e-9.
+inline la::Handle<Vec> direction_at(assembly::MechanicsSystem& system, solver::DirectionSolver& linear, Vec x) {
+  la::Handle<Vec> f = system.create_vector(), direction = system.create_vector();
+  system.residual(x, f);
+  system.linearise(x, linear.content());
+  linear.matrix_changed(system.states(x), false);
+  POLYSLIP_PETSC(linear.solve(f, direction, system.norms(x, f), 1e-9, false));
+  return direction;
+}
+
 class ContactScene {
  public:
   /// `make_mesh` runs on rank 0.

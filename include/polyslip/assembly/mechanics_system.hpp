@@ -8,6 +8,7 @@
 #pragma once
 
 #include <array>
+#include <functional>
 #include <memory>
 
 #include "polyslip/assembly/contact_cells.hpp"
@@ -101,8 +102,8 @@ class MechanicsSystem {
   // --- linearisation ---
   /// Linearises the contact law at x and condenses; then writes P.
   virtual void linearise(Vec x, MatrixContent content);
-  /// As if the laws had come to that, by local fracture face; writes P alone.
-  void linearise_as(std::vector<physics::ContactLinearisation> law, MatrixContent content);
+  /// Calls `work` while P is what it is where all fracture faces are open, then writes it again as it was. Collective.
+  void with_open_faces(const std::function<void()>& work);
   /// Leaves the bulk alone in P: what is computed then does not depend on earlier linearisations, to the bit.
   void forget_linearisation() { write_contact_rows(MatrixContent::bulk); }
   [[nodiscard]] Mat matrix() const { return matrix_->get(); }

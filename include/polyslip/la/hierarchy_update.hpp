@@ -5,7 +5,7 @@
 //   dA_{l-1} = P_l^T dA_l P_l,   A_{l-1} = A^0_{l-1} + dA_{l-1}   from the finest level down,
 // the same coarse operators as a full set-up with the old aggregates, at the cost of the rows that changed. They depend on the matrix of the
 // set-up and on the one at hand, to the bit, and on none between. Smoothers and the coarsest factorisation notice that their matrices
-// changed and follow by themselves.
+// changed and follow by themselves, but for the eigenvalues of Chebyshev smoothers, which stay those of the set-up.
 #pragma once
 
 #include <vector>
@@ -16,11 +16,9 @@ namespace polyslip::la {
 
 /// Gives the empty rows of coarse operators a diagonal: an aggregate with too few nodes for its modes leaves columns of the prolongation
 /// empty, and incomplete Cholesky would shift the diagonal of all rows until that one is positive. Nothing is ever restricted to these rows.
-/// To be called after each full set-up; in a PCFIELDSPLIT for the hierarchies of its fields, others are left as they are.
+/// Smoothers are set up for the operators as they are then. To be called after each full set-up; in a PCFIELDSPLIT for the hierarchies of its
+/// fields, others are left as they are.
 void fill_empty_rows(PC pc);
-
-/// Chebyshev smoothers take over a matrix that has changed in place with the eigenvalues of the old one, unless they are told.
-void estimate_eigenvalues_again(PC hierarchy);
 
 class HierarchyUpdate {
  public:

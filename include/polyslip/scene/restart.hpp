@@ -2,8 +2,7 @@
 //
 //   tables   displacement (node copies); bubble, multiplier, previous_jump, initial_jump (fracture faces); pressure_cell,
 //            pressure_trace, pressure_fracture, pressure_ridge
-//            and what they are with the prefix before_ in the state before; law_of_setup (fracture faces), from which a kept preconditioner
-//            was set up
+//            and what they are with the prefix before_ in the state before
 //   scalars  steps, sizes and counters so far, what Model::Memory holds
 //   texts    scene: the resolved scene, which must be that of the continuation but for its end and its output
 #pragma once

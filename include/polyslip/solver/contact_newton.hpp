@@ -60,11 +60,6 @@ class ContactNewton {
   [[nodiscard]] long long cycles() const { return trace_.cycles; }
   [[nodiscard]] const std::string& linear_choice() const;
   [[nodiscard]] const NewtonSeconds& seconds() const { return seconds_; }
-  /// Of the linear solver, for the checkpoint; see DirectionSolver.
-  [[nodiscard]] std::optional<PreconditionerOrigin> origin() const { return linear_ ? linear_->origin() : std::nullopt; }
-  void resume(PreconditionerOrigin origin) {
-    if (linear_) linear_->resume(std::move(origin));
-  }
   [[nodiscard]] SNES snes() const { return snes_; }
   [[nodiscard]] const assembly::FloatingBlocks& floating_blocks() const { return blocks_; }
 

@@ -12,11 +12,9 @@
 // -coupled_pc_type lu or fieldsplit chooses.
 #pragma once
 
-#include <optional>
-
 #include "polyslip/assembly/coupled_system.hpp"
-#include "polyslip/la/hierarchy_update.hpp"
 #include "polyslip/solver/direction_solver.hpp"
+#include "polyslip/solver/displacement_multigrid.hpp"
 
 namespace polyslip::solver {
 
@@ -25,10 +23,8 @@ class CoupledSolver final : public DirectionSolver {
   explicit CoupledSolver(assembly::CoupledSystem& system);
 
   [[nodiscard]] assembly::MechanicsSystem::MatrixContent content() const override { return content_; }
-  /// A factorisation is made anew in each step; multigrid is kept as set up, and what was updated since goes with the next matrix.
+  /// A factorisation is made anew in each step; multigrid follows each matrix.
   void start_step() override;
-  [[nodiscard]] std::optional<PreconditionerOrigin> origin() const override;
-  void resume(PreconditionerOrigin origin) override { resumed_ = std::move(origin); }
   void matrix_changed(const std::vector<physics::ContactState>& states, bool everywhere) override;
   PetscErrorCode solve(Vec f, Vec direction, const assembly::ResidualNorms& norms, double rtol, bool loose) override;
   [[nodiscard]] bool can_refine() const override { return !factorises_; }
@@ -43,7 +39,6 @@ class CoupledSolver final : public DirectionSolver {
   void set_up(bool again);
   void set_up_direct(bool again);
   void set_up_blocks(bool again);
-  void set_up_as_resumed();
   void write_fixed_stress();
   [[nodiscard]] bool fixed_stress_is_stale() const;
   /// Residual at which a solve may end.
@@ -56,13 +51,11 @@ class CoupledSolver final : public DirectionSolver {
   la::Handle<Mat> fixed_stress_;    ///< S_fs
   la::Handle<Vec> compressibility_; ///< The diagonal that fixed stress adds, on the owned flow unknowns; open fracture faces apart.
   la::Handle<Vec> rhs_, solution_;
-  std::optional<la::HierarchyUpdate> changes_;
+  DisplacementHierarchy hierarchy_;
   assembly::MechanicsSystem::MatrixContent content_ = assembly::MechanicsSystem::MatrixContent::symmetric;
   std::string choice_;
   PetscReal loose_rtol_ = 1e-2;  ///< -coupled_loose_rtol: of multigrid and of an old factorisation
   bool factorises_ = false, has_preconditioner_ = false, starts_step_ = false;
-  std::vector<physics::ContactLinearisation> law_of_setup_;
-  std::optional<PreconditionerOrigin> resumed_;  ///< Until it is set up.
   std::vector<physics::ContactState> states_of_fixed_stress_;  ///< Of the owned faces.
   long long changed_since_setup_ = 0, flow_of_fixed_stress_ = -1;  ///< The latter is a CoupledSystem::flow_matrix_version.
 };

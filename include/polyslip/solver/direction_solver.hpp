@@ -1,7 +1,6 @@
 // What a Newton iteration on a condensed system asks of its linear solver.
 #pragma once
 
-#include <optional>
 #include <string>
 
 #include "polyslip/assembly/mechanics_system.hpp"
@@ -15,25 +14,15 @@ struct LinearCounts {
   int factorisations = 0;  ///< Those that factorise the whole matrix.
 };
 
-/// What a preconditioner that is kept over steps was set up from.
-struct PreconditionerOrigin {
-  std::vector<physics::ContactLinearisation> law;  ///< By local fracture face.
-  int iterations_after_setup = -1, last_iterations = 0;  ///< See DirectionSolver: they say when it has become too old.
-};
-
 class DirectionSolver {
  public:
   virtual ~DirectionSolver() = default;
 
   /// What `linearise` must write into the matrix for this solver.
   [[nodiscard]] virtual assembly::MechanicsSystem::MatrixContent content() const = 0;
-  /// Tells that the next matrix is the first of a step. What was learnt before is forgotten, unless a new solver would come to the same from
-  /// the origin() of this one: a step depends on that and the state that it starts from alone, so that a run taken up again goes on bit by bit.
+  /// Tells that the next matrix is the first of a step. What was learnt before is forgotten, unless a new solver would come to the same: a
+  /// step depends on the state that it starts from alone, so that a run taken up again goes on bit by bit.
   virtual void start_step() {}
-  /// For the checkpoint, where something is kept over steps.
-  [[nodiscard]] virtual std::optional<PreconditionerOrigin> origin() const { return std::nullopt; }
-  /// Takes up again what has this origin, before the first step.
-  virtual void resume(PreconditionerOrigin) {}
   /// Tells that the matrix has changed; `states` of the owned faces, `everywhere` if it changed on faces that kept their state too.
   virtual void matrix_changed(const std::vector<physics::ContactState>& states, bool everywhere) = 0;
   /// direction = J^{-1} f, to what `norms` at a relative tolerance rtol ask for; `loose`: not so far, for steps after which the active set

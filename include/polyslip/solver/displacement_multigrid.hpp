@@ -3,9 +3,11 @@
 // `nodal`).
 #pragma once
 
+#include <optional>
 #include <string>
 
 #include "polyslip/assembly/mechanics_system.hpp"
+#include "polyslip/la/hierarchy_update.hpp"
 
 namespace polyslip::solver {
 
@@ -17,5 +19,25 @@ void default_displacement_multigrid(const assembly::MechanicsSystem& system, con
 
 /// Hands the fields to a preconditioner that splits displacements with bubbles on all faces; others are left as they are.
 void split_displacement(const assembly::MechanicsSystem& system, PC pc);
+
+/// Sets up the multigrid of a solver for the displacements. Its aggregates are formed once, with all faces of the fractures open, and serve all
+/// states of contact: those that glue what contact holds serve no face that slips or opens (a half more iterations and above). What is set
+/// up for a matrix depends on that matrix alone, whatever came before.
+class DisplacementHierarchy {
+ public:
+  explicit DisplacementHierarchy(assembly::MechanicsSystem& system) : system_(system) {}
+
+  /// Whether a preconditioner has a hierarchy to form: GAMG or ML, or fields.
+  [[nodiscard]] static bool has_one(PC pc);
+  /// Sets `ksp` up for the matrix of the system.
+  void set_up(KSP ksp);
+  /// The same for one that is set up, after rows beside fractures have changed: by these rows alone where its preconditioner is a hierarchy.
+  /// Returns whether all was set up.
+  bool follow(KSP ksp);
+
+ private:
+  assembly::MechanicsSystem& system_;
+  std::optional<la::HierarchyUpdate> changes_;  ///< Where fractures change the matrix.
+};
 
 }  // namespace polyslip::solver

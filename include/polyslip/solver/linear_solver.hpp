@@ -5,11 +5,10 @@
 // with friction the Krylov method applies the exact unsymmetric operator. -displacement_pc_type lu factorises the exact matrix.
 #pragma once
 
-#include <optional>
 #include <string>
 
-#include "polyslip/la/hierarchy_update.hpp"
 #include "polyslip/solver/direction_solver.hpp"
+#include "polyslip/solver/displacement_multigrid.hpp"
 
 namespace polyslip::solver {
 
@@ -19,8 +18,7 @@ class LinearSolver final : public DirectionSolver {
 
   [[nodiscard]] assembly::MechanicsSystem::MatrixContent content() const override { return content_; }
   void start_step() override { starts_step_ = true; }
-  /// A multigrid hierarchy is brought up to date near the fractures, or built anew once more than half of the faces have opened or closed
-  /// since its aggregates were formed (these glue what an open fracture parts). Other preconditioners are set up again only if the
+  /// A multigrid hierarchy is formed once and brought up to date near the fractures. Other preconditioners are set up again only if the
   /// changed faces are too many for the Krylov method to make up for, or if this has begun to cost iterations.
   void matrix_changed(const std::vector<physics::ContactState>& states, bool everywhere) override;
   /// `loose`: multigrid stops at 2e-2 (-displacement_loose_rtol) of the right-hand side.
@@ -37,27 +35,22 @@ class LinearSolver final : public DirectionSolver {
   void set_up_preconditioner(bool again);
   void forget_other_steps();
   [[nodiscard]] bool is_set_up_for(std::span<const physics::ContactLinearisation> law) const;
-  [[nodiscard]] PC hierarchy() const;  ///< The preconditioner where it is algebraic multigrid, else null.
-  bool update_hierarchy();
-  [[nodiscard]] bool aggregates_are_stale() const;
 
   assembly::MechanicsSystem& system_;
   la::Handle<KSP> ksp_;
   la::Handle<Mat> exact_operator_;  ///< Shell: P plus the frictional corrections.
   la::Handle<Vec> rhs_, solution_;
-  std::optional<la::HierarchyUpdate> changes_;  ///< Where fractures change a matrix that algebraic multigrid works on.
+  DisplacementHierarchy hierarchy_;
   assembly::MechanicsSystem::MatrixContent content_ = assembly::MechanicsSystem::MatrixContent::symmetric;
   std::string choice_;
-  PetscBool updates_hierarchy_ = PETSC_TRUE;  ///< -displacement_update_hierarchy
   PetscReal loose_rtol_ = 2e-2;  ///< -displacement_loose_rtol
   bool user_ksp_ = false;
-  bool factorises_ = false;
-  std::vector<physics::ContactState> states_of_aggregates_;  ///< Of the owned faces.
+  bool factorises_ = false, has_hierarchy_ = false;
   std::vector<physics::ContactLinearisation> law_of_setup_;  ///< Of the local faces; where is_as_new_.
   bool starts_step_ = false;
   bool is_as_new_ = false;  ///< Whether the preconditioner is what a new solver makes of the matrix of law_of_setup_.
   long long changed_since_setup_ = 0;
-  bool has_preconditioner_ = false, has_aggregates_ = false;  ///< The same on all ranks, unlike having faces.
+  bool has_preconditioner_ = false;
 };
 
 }  // namespace polyslip::solver

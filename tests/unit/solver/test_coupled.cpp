@@ -188,32 +188,6 @@ TEST_P(predicted_steps, start_where_they_are_when_the_last_speed_misleads) {
   EXPECT_EQ(misled.newton, plain.newton);
 }
 
-/// Krylov iterations of the direction at z.
-int iterations_at(CoupledSystem& system, solver::CoupledSolver& linear, Vec z) {
-  la::Handle<Vec> f = system.create_vector(), direction = system.create_vector();
-  system.residual(z, f);
-  system.linearise(z, linear.content());
-  linear.matrix_changed(system.states(z), false);
-  EXPECT_EQ(linear.solve(f, direction, system.norms(z, f), 1e-9, false), 0);
-  return linear.last_iterations();
-}
-
-/// Iterations so far of the estimates of eigenvalues for the smoother of the finest displacements.
-PetscInt iterations_of_estimates(KSP ksp) {
-  PC pc = nullptr, displacement = nullptr;
-  KSP *blocks = nullptr, smoother = nullptr, estimate = nullptr;
-  PetscInt n = 0, levels = 0;
-  POLYSLIP_PETSC(KSPGetPC(ksp, &pc));
-  POLYSLIP_PETSC(PCFieldSplitSchurGetSubKSP(pc, &n, &blocks));
-  POLYSLIP_PETSC(KSPGetPC(blocks[0], &displacement));
-  POLYSLIP_PETSC(PCMGGetLevels(displacement, &levels));
-  POLYSLIP_PETSC(PCMGGetSmoother(displacement, levels - 1, &smoother));
-  POLYSLIP_PETSC(KSPChebyshevEstEigGetKSP(smoother, &estimate));
-  POLYSLIP_PETSC(KSPGetTotalIterations(estimate, &n));
-  POLYSLIP_PETSC(PetscFree(blocks));
-  return n;
-}
-
 TEST(coupled_rows, are_measured_by_what_they_lose_together_in_parts_of_what_moves) {
   CoupledScene scene({2, "quads"}, {});
   CoupledSystem& system = *scene.system;
@@ -246,47 +220,27 @@ TEST(coupled_rows, are_measured_by_what_they_lose_together_in_parts_of_what_move
   EXPECT_GE(by_all, 2 * std::sqrt(n));
 }
 
-TEST(fixed_stress, is_set_up_anew_where_it_serves_badly) {
-  const ScopedOption split("-coupled_pc_type", "fieldsplit");
+TEST(fixed_stress, depends_on_the_contact_at_hand_alone) {
+  const ScopedOption split("-coupled_pc_type", "fieldsplit"), tolerance("-coupled_ksp_rtol", "1e-8");
   for (const auto bubbles : {spaces::Bubbles::fracture, spaces::Bubbles::all}) {
-    CoupledScene scene({3, "tets"}, {.bubbles = bubbles});
+    CoupledScene scene({3, "hexahedra"}, {.friction = 2, .bubbles = bubbles}, 8);
     CoupledSystem& system = *scene.system;
-    la::Handle<Vec> z = system.create_vector();
-    ASSERT_TRUE(system.begin_step(z, 0.3));
+    la::Handle<Vec> open = system.create_vector(), closed = system.create_vector();
+    ASSERT_TRUE(system.begin_step(closed, 0.3));
     scene.flow->set_loads(scene.flow->load_assembler().at(1));
     system.set_loads(system.load_assembler().at(1));
-    solver::CoupledSolver linear(system);
-    const auto stop_after = [&](PetscInt most) { POLYSLIP_PETSC(KSPSetTolerances(linear.ksp(), 1e-12, 0, PETSC_DEFAULT, most)); };
-    stop_after(2);
-    const int few = iterations_at(system, linear, z);
-    stop_after(500);
-    const int many = iterations_at(system, linear, z);
-    ASSERT_GT(many, 1.5 * few + 10) << "the second solve must look dear beside the first";
-    EXPECT_EQ(linear.counts().setups, 1);
-    EXPECT_EQ(iterations_at(system, linear, z), many);
-    EXPECT_EQ(linear.counts().setups, 2);
+    {
+      const assembly::VecWrite a(open), b(closed);
+      for (Index i = system.layout().multiplier_start(); i < system.layout().size(); i += 3) a[i] = -1, b[i] = 1;
+    }
+    solver::CoupledSolver old(system), fresh(system);
+    direction_at(system, old, open);
+    const la::Handle<Vec> by_old = direction_at(system, old, closed), by_fresh = direction_at(system, fresh, closed);
+    EXPECT_GT(old.last_iterations(), 1);
+    EXPECT_EQ(old.last_iterations(), fresh.last_iterations());
+    POLYSLIP_PETSC(VecAXPY(by_old, -1.0, by_fresh));
+    EXPECT_LE(norm(by_old), order_of_sums(PETSC_COMM_WORLD) * norm(by_fresh));
   }
-}
-
-TEST(fixed_stress, serves_fractures_that_close_as_well_as_when_set_up_for_them) {
-  const ScopedOption split("-coupled_pc_type", "fieldsplit"), tolerance("-coupled_ksp_rtol", "1e-8");
-  CoupledScene scene({3, "hexahedra"}, {.friction = 2}, 8);
-  CoupledSystem& system = *scene.system;
-  la::Handle<Vec> open = system.create_vector(), closed = system.create_vector();
-  ASSERT_TRUE(system.begin_step(closed, 0.3));
-  scene.flow->set_loads(scene.flow->load_assembler().at(1));
-  system.set_loads(system.load_assembler().at(1));
-  {
-    const assembly::VecWrite a(open), b(closed);
-    for (Index i = system.layout().multiplier_start(); i < system.layout().size(); i += 3) a[i] = -1, b[i] = 1;
-  }
-  solver::CoupledSolver updated(system), fresh(system);
-  iterations_at(system, updated, open);
-  const PetscInt estimates = iterations_of_estimates(updated.ksp());
-  const int after_update = iterations_at(system, updated, closed);
-  EXPECT_EQ(updated.counts().setups, 1);
-  EXPECT_GT(iterations_of_estimates(updated.ksp()), estimates) << "the smoother still has the eigenvalues of open faces";
-  EXPECT_LE(after_update, iterations_at(system, fresh, closed) + 3);
 }
 
 TEST(fixed_stress, is_set_up_anew_where_an_old_one_fails) {
@@ -298,9 +252,10 @@ TEST(fixed_stress, is_set_up_anew_where_an_old_one_fails) {
   scene.flow->set_loads(scene.flow->load_assembler().at(1));
   system.set_loads(system.load_assembler().at(1));
   solver::CoupledSolver linear(system);
-  iterations_at(system, linear, z);
+  direction_at(system, linear, z);
   POLYSLIP_PETSC(KSPSetTolerances(linear.ksp(), 1e-12, 0, 1e-30, 500));  // whatever is left counts as divergence
-  EXPECT_GT(iterations_at(system, linear, z), 1);
+  direction_at(system, linear, z);
+  EXPECT_GT(linear.last_iterations(), 1);
   EXPECT_FALSE(linear.failed());
   EXPECT_EQ(linear.counts().setups, 2);
 }
