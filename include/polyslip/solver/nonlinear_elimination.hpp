@@ -46,7 +46,7 @@ class NonlinearElimination {
   la::Handle<Vec> rhs_, solution_;
   PetscReal most_ = 0.2;        ///< -elimination_share: of all displacements that W may have (0: no elimination)
   PetscInt rings_ = 1;           ///< -elimination_rings: of neighbours in the matrix
-  PetscInt most_steps_ = 6;      ///< -elimination_max_it
+  PetscInt most_steps_ = 4;      ///< -elimination_max_it
 };
 
 }  // namespace polyslip::solver
