@@ -77,6 +77,16 @@ PetscInt levels_of(PC hierarchy) {
   return levels;
 }
 
+/// The smoothers of the coarsest levels. A Chebyshev smoother would take over a matrix that has changed in place with the
+/// eigenvalues of the old one, unless it is told.
+void set_up_smoothers(PC hierarchy, PetscInt levels) {
+  for (PetscInt level = 0; level < levels; ++level) {
+    const auto [smoother, matrix] = level_of(hierarchy, level);
+    POLYSLIP_PETSC(KSPSetOperators(smoother, matrix, matrix));
+    POLYSLIP_PETSC(KSPSetUp(smoother));
+  }
+}
+
 }  // namespace
 
 void fill_empty_rows(PC pc) {
@@ -86,13 +96,9 @@ void fill_empty_rows(PC pc) {
     fill_empty_rows(inner);
   });
   if (!HierarchyUpdate::can_update(pc)) return;
-  for (PetscInt level = 0; level + 1 < levels_of(pc); ++level) {
-    const auto [smoother, matrix] = level_of(pc, level);
-    fill_empty_rows_of(matrix);
-    // Chebyshev smoothers take over a matrix that has changed in place with the eigenvalues of the old one, unless they are told.
-    POLYSLIP_PETSC(KSPSetOperators(smoother, matrix, matrix));
-    POLYSLIP_PETSC(KSPSetUp(smoother));
-  }
+  const PetscInt coarse = levels_of(pc) - 1;
+  for (PetscInt level = 0; level < coarse; ++level) fill_empty_rows_of(level_of(pc, level).second);
+  set_up_smoothers(pc, coarse);
 }
 
 HierarchyUpdate::HierarchyUpdate(Mat fine, std::vector<PetscInt> rows) : fine_(fine), rows_(std::move(rows)), change_(rows_of(fine, rows_)) {}
@@ -176,6 +182,7 @@ void HierarchyUpdate::apply(PC pc) {
     POLYSLIP_PETSC(MatAXPY(operator_matrix, 1.0, coarse, SUBSET_NONZERO_PATTERN));
     change = coarse;
   }
+  set_up_smoothers(pc, levels);
 }
 
 }  // namespace polyslip::la

@@ -4,8 +4,8 @@
 // With A^0 the matrices at the set-up, dA the change of those rows since, P_l the prolongations:
 //   dA_{l-1} = P_l^T dA_l P_l,   A_{l-1} = A^0_{l-1} + dA_{l-1}   from the finest level down,
 // the same coarse operators as a full set-up with the old aggregates, at the cost of the rows that changed. They depend on the matrix of the
-// set-up and on the one at hand, to the bit, and on none between. Smoothers and the coarsest factorisation notice that their matrices
-// changed and follow by themselves, but for the eigenvalues of Chebyshev smoothers, which stay those of the set-up.
+// set-up and on the one at hand, to the bit, and on none between. Smoothers and the coarsest factorisation are set up for them, and
+// Chebyshev's eigenvalues estimated again: where faces stick, incomplete Cholesky leaves twice as large ones as where they are open.
 #pragma once
 
 #include <vector>
@@ -30,7 +30,7 @@ class HierarchyUpdate {
 
   /// Remembers the rows as they are: a full set-up has just used them.
   void is_set_up();
-  /// Brings all coarse operators of `pc` up to date with the rows as they are now.
+  /// Brings all coarse operators of `pc` up to date with the rows as they are now, and all smoothers.
   void apply(PC pc);
 
  private:

@@ -58,26 +58,54 @@ std::vector<double> coarse_diagonal(PC pc, PetscInt level) {
   return copy;
 }
 
-TEST(hierarchy, gives_empty_rows_of_coarse_operators_a_diagonal_and_leaves_the_others) {
-  const la::Handle<Mat> matrix = line_of_springs();
-  la::Handle<KSP> ksp;
-  PC pc = nullptr;
-  PetscInt levels = 0;
-  POLYSLIP_PETSC(KSPCreate(PETSC_COMM_SELF, ksp.put()));
-  POLYSLIP_PETSC(KSPSetOperators(ksp, matrix, matrix));
-  POLYSLIP_PETSC(KSPGetPC(ksp, &pc));
-  POLYSLIP_PETSC(PCSetType(pc, PCGAMG));
-  const PetscReal threshold = 0.01;
-  POLYSLIP_PETSC(PCGAMGSetThreshold(pc, const_cast<PetscReal*>(&threshold), 1));
-  POLYSLIP_PETSC(PCSetUp(pc));
-  POLYSLIP_PETSC(PCMGGetLevels(pc, &levels));
-  ASSERT_GT(levels, 1);
-  const std::vector<double> before = coarse_diagonal(pc, levels - 2);
+class hierarchy : public testing::Test {
+ protected:
+  hierarchy() : matrix_(line_of_springs()) {
+    POLYSLIP_PETSC(KSPCreate(PETSC_COMM_SELF, ksp_.put()));
+    POLYSLIP_PETSC(KSPSetOperators(ksp_, matrix_, matrix_));
+    POLYSLIP_PETSC(KSPGetPC(ksp_, &pc_));
+    POLYSLIP_PETSC(PCSetType(pc_, PCGAMG));
+    const PetscReal threshold = 0.01;
+    POLYSLIP_PETSC(PCGAMGSetThreshold(pc_, const_cast<PetscReal*>(&threshold), 1));
+    POLYSLIP_PETSC(PCGAMGSetUseSAEstEig(pc_, PETSC_FALSE));
+    POLYSLIP_PETSC(PCSetUp(pc_));
+    POLYSLIP_PETSC(PCMGGetLevels(pc_, &levels_));
+  }
+
+  la::Handle<Mat> matrix_;
+  la::Handle<KSP> ksp_;
+  PC pc_ = nullptr;
+  PetscInt levels_ = 0;
+};
+
+TEST_F(hierarchy, gives_empty_rows_of_coarse_operators_a_diagonal_and_leaves_the_others) {
+  ASSERT_GT(levels_, 1);
+  const std::vector<double> before = coarse_diagonal(pc_, levels_ - 2);
   ASSERT_GT(std::count(before.begin(), before.end(), 0.0), 0) << "the loose node must be an aggregate of its own";
-  la::fill_empty_rows(pc);
-  const std::vector<double> after = coarse_diagonal(pc, levels - 2);
+  la::fill_empty_rows(pc_);
+  const std::vector<double> after = coarse_diagonal(pc_, levels_ - 2);
   const double largest = *std::max_element(before.begin(), before.end());
   for (std::size_t i = 0; i < before.size(); ++i) EXPECT_EQ(after[i], before[i] == 0 ? largest : before[i]);
+}
+
+TEST_F(hierarchy, smooths_with_the_eigenvalues_of_the_rows_at_hand) {
+  ASSERT_GT(levels_, 1);
+  const PetscInt row = dim * nodes / 2;
+  la::HierarchyUpdate update(matrix_, {row});
+  update.is_set_up();
+  for (PetscInt level = 1; level < levels_; ++level) {
+    KSP smoother = nullptr, estimate = nullptr;
+    PetscInt before = 0, after = 0;
+    POLYSLIP_PETSC(PCMGGetSmoother(pc_, level, &smoother));
+    POLYSLIP_PETSC(KSPChebyshevEstEigGetKSP(smoother, &estimate));
+    POLYSLIP_PETSC(KSPGetTotalIterations(estimate, &before));
+    POLYSLIP_PETSC(MatSetValue(matrix_, row, row, 5, ADD_VALUES));
+    POLYSLIP_PETSC(MatAssemblyBegin(matrix_, MAT_FINAL_ASSEMBLY));
+    POLYSLIP_PETSC(MatAssemblyEnd(matrix_, MAT_FINAL_ASSEMBLY));
+    update.apply(pc_);
+    POLYSLIP_PETSC(KSPGetTotalIterations(estimate, &after));
+    EXPECT_GT(after, before) << "level " << level << " still has those of the set-up";
+  }
 }
 
 }  // namespace
