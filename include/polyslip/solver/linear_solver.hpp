@@ -21,7 +21,7 @@ class LinearSolver final : public DirectionSolver {
   /// A multigrid hierarchy is formed once and brought up to date near the fractures. Other preconditioners are set up again only if the
   /// changed faces are too many for the Krylov method to make up for, or if this has begun to cost iterations.
   void matrix_changed(const std::vector<physics::ContactState>& states, bool everywhere) override;
-  /// `loose`: multigrid stops at 2e-2 (-displacement_loose_rtol) of the right-hand side.
+  /// `loose`: multigrid stops at 1e-2 (-displacement_loose_rtol) of the right-hand side.
   PetscErrorCode solve(Vec f, Vec direction, const assembly::ResidualNorms& norms, double rtol, bool loose) override;
   [[nodiscard]] bool can_refine() const override { return !factorises_; }
   PetscErrorCode refine(Vec f, Vec direction, const assembly::ResidualNorms& norms, double rtol) override;
@@ -43,7 +43,7 @@ class LinearSolver final : public DirectionSolver {
   DisplacementHierarchy hierarchy_;
   assembly::MechanicsSystem::MatrixContent content_ = assembly::MechanicsSystem::MatrixContent::symmetric;
   std::string choice_;
-  PetscReal loose_rtol_ = 2e-2;  ///< -displacement_loose_rtol
+  PetscReal loose_rtol_ = 1e-2;  ///< -displacement_loose_rtol
   bool user_ksp_ = false;
   bool factorises_ = false, has_hierarchy_ = false;
   std::vector<physics::ContactLinearisation> law_of_setup_;  ///< Of the local faces; where is_as_new_.
