@@ -520,10 +520,10 @@ void MechanicsSystem::with_open_faces(const std::function<void()>& work) {
   const ContactLinearisation open{
       .residual = Vec3::Zero(), .d_lam = Eigen::Matrix3d::Identity(), .d_jump = Eigen::Matrix3d::Zero(), .state = ContactState::open};
   const MatrixContent content = content_;
-  const std::vector<ContactLinearisation> law = std::exchange(law_, std::vector(law_.size(), open));
+  std::vector<ContactLinearisation> law = std::exchange(law_, std::vector(law_.size(), open));
   condense_law(content);
   work();
-  law_ = law;
+  law_ = std::move(law);
   condense_law(content);
 }
 

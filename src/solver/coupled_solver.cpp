@@ -174,8 +174,10 @@ void CoupledSolver::set_up_direct(bool again) {
 void CoupledSolver::set_up_blocks(bool again) {
   if (again && has_preconditioner_) choose();  // for the interpolation is kept otherwise
   if (again || fixed_stress_is_stale()) write_fixed_stress();  // the pressure block sets itself up when its matrix has changed
-  POLYSLIP_PETSC(KSPSetReusePreconditioner(ksp_, again ? PETSC_FALSE : PETSC_TRUE));
-  if (again) POLYSLIP_PETSC(KSPSetUp(ksp_));
+  if (again) {
+    POLYSLIP_PETSC(KSPSetReusePreconditioner(ksp_, PETSC_FALSE));
+    POLYSLIP_PETSC(KSPSetUp(ksp_));
+  }
   POLYSLIP_PETSC(KSPSetReusePreconditioner(ksp_, PETSC_TRUE));
   PC pc = nullptr;
   PetscInt n = 0;

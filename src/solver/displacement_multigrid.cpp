@@ -71,6 +71,7 @@ void DisplacementHierarchy::set_up(KSP ksp) {
   }
   system_.with_open_faces([&] {
     follow(ksp);
+    if (!la::HierarchyUpdate::can_update(pc)) return;
     changes_.emplace(system_.matrix(), system_.changing_rows());
     changes_->is_set_up();
   });
@@ -80,7 +81,7 @@ void DisplacementHierarchy::set_up(KSP ksp) {
 bool DisplacementHierarchy::follow(KSP ksp) {
   PC pc = nullptr;
   POLYSLIP_PETSC(KSPGetPC(ksp, &pc));
-  if (changes_ && la::HierarchyUpdate::can_update(pc)) {
+  if (changes_) {
     changes_->apply(pc);
     return false;
   }

@@ -65,9 +65,6 @@ class ScopedOption {
   std::string name_;
 };
 
-/// By how much, relatively, two equal solves may differ: three ranks add up in the order in which messages arrive.
-inline double order_of_sums(MPI_Comm comm) { return mpi::size(comm) > 2 ? 1e-12 : 0; }
-
 /// Newton's direction at x, to 1e-9.
 inline la::Handle<Vec> direction_at(assembly::MechanicsSystem& system, solver::DirectionSolver& linear, Vec x) {
   la::Handle<Vec> f = system.create_vector(), direction = system.create_vector();
@@ -76,6 +73,19 @@ inline la::Handle<Vec> direction_at(assembly::MechanicsSystem& system, solver::D
   linear.matrix_changed(system.states(x), false);
   POLYSLIP_PETSC(linear.solve(f, direction, system.norms(x, f), 1e-9, false));
   return direction;
+}
+
+/// Two solvers, whatever they have served before, find the same direction at x: to the bit on up to two ranks, as more add up what they send
+/// in the order in which it comes.
+inline void expect_same_direction(assembly::MechanicsSystem& system, solver::DirectionSolver& old, solver::DirectionSolver& fresh, Vec x) {
+  const la::Handle<Vec> by_old = direction_at(system, old, x), by_fresh = direction_at(system, fresh, x);
+  EXPECT_GT(old.last_iterations(), 1);
+  EXPECT_EQ(old.last_iterations(), fresh.last_iterations());
+  PetscReal difference = 0, size = 0;
+  POLYSLIP_PETSC(VecAXPY(by_old, -1.0, by_fresh));
+  POLYSLIP_PETSC(VecNorm(by_old, NORM_2, &difference));
+  POLYSLIP_PETSC(VecNorm(by_fresh, NORM_2, &size));
+  EXPECT_LE(difference, mpi::size(PETSC_COMM_WORLD) > 2 ? 1e-12 * size : 0);
 }
 
 class ContactScene {

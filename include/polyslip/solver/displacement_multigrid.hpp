@@ -37,7 +37,7 @@ class DisplacementHierarchy {
 
  private:
   assembly::MechanicsSystem& system_;
-  std::optional<la::HierarchyUpdate> changes_;  ///< Where fractures change the matrix.
+  std::optional<la::HierarchyUpdate> changes_;  ///< Where fractures change the matrix of a hierarchy.
 };
 
 }  // namespace polyslip::solver
