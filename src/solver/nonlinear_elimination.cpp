@@ -21,7 +21,8 @@ NonlinearElimination::NonlinearElimination(assembly::MechanicsSystem& system)
       start_f_(system.create_vector()),
       direction_(system.create_vector()),
       condensed_rows_(system.create_condensed_vector()),
-      condensed_direction_(system.create_condensed_vector()) {
+      condensed_direction_(system.create_condensed_vector()),
+      rings_(system.layout().dim() == 2 ? 4 : 1) {
   POLYSLIP_PETSC(PetscOptionsGetReal(nullptr, prefix, "-share", &most_, nullptr));
   POLYSLIP_PETSC(PetscOptionsGetInt(nullptr, prefix, "-rings", &rings_, nullptr));
   POLYSLIP_PETSC(PetscOptionsGetInt(nullptr, prefix, "-max_it", &most_steps_, nullptr));
@@ -48,7 +49,7 @@ void NonlinearElimination::choose_faces() {
     if (sizes_[face] > unsettled * largest) is_unsettled_[face] = 1;
 }
 
-/// W of S; false, on all ranks, where it is empty or too large.
+/// W of S; false, on all ranks, where it is empty or too large even with the nearest ring.
 bool NonlinearElimination::choose_rows() {
   const assembly::ContactCells& cells = system_.contact_cells();
   const auto first = static_cast<PetscInt>(system_.layout().first());
@@ -63,8 +64,15 @@ bool NonlinearElimination::choose_rows() {
   for (std::size_t face = 0; face < is_unsettled_.size(); ++face)
     if (is_unsettled_[face] && cells.faces()[face].cell >= 0)
       for (Index i : cells.displacements(cells.faces()[face].cell)) take(first + i);
-  for (PetscInt ring = 0, done = 0; ring < rings_; ++ring)
-    for (const auto end = static_cast<PetscInt>(rows.size()); done < end; ++done) {
+  PetscInt all = 0;
+  POLYSLIP_PETSC(MatGetSize(system_.matrix(), &all, nullptr));
+  const auto fits = [&] {
+    const long long size = mpi::sum(system_.mesh().comm, static_cast<long long>(rows.size()));
+    return size > 0 && static_cast<double>(size) <= most_ * static_cast<double>(all);
+  };
+  for (PetscInt ring = 0, done = 0; ring < rings_; ++ring) {
+    const auto end = static_cast<PetscInt>(rows.size());
+    for (; done < end; ++done) {
       const PetscInt row = rows[static_cast<std::size_t>(done)];
       PetscInt n = 0;
       const PetscInt* columns = nullptr;
@@ -72,13 +80,15 @@ bool NonlinearElimination::choose_rows() {
       std::for_each_n(columns, n, take);
       POLYSLIP_PETSC(MatRestoreRow(system_.matrix(), row, &n, &columns, nullptr));
     }
+    if (ring == 0 || fits()) continue;
+    rows.resize(static_cast<std::size_t>(end));
+    break;
+  }
+  const bool is_small = fits();
   std::sort(rows.begin(), rows.end());
   if (mpi::any(system_.mesh().comm, rows != rows_)) forget_window();
   rows_ = std::move(rows);
-  PetscInt all = 0;
-  POLYSLIP_PETSC(MatGetSize(system_.matrix(), &all, nullptr));
-  const long long size = mpi::sum(system_.mesh().comm, static_cast<long long>(rows_.size()));
-  return size > 0 && static_cast<double>(size) <= most_ * static_cast<double>(all);
+  return is_small;
 }
 
 void NonlinearElimination::forget_window() {

@@ -7,17 +7,18 @@ from scene_runs import Run
 
 class RankCounts(unittest.TestCase):
     def assert_same(self, example, settings, rank_counts):
-        one = Run(example, settings)
+        tight = ("-snes_rtol", "1e-13")  # 1e-10 of the forces leave 1e-8 of multipliers near tips undetermined
+        one = Run(example, settings, 1, tight)
         for ranks in rank_counts:
             with self.subTest(example=example, ranks=ranks):
-                run = Run(example, settings, ranks)
+                run = Run(example, settings, ranks, tight)
                 self.assertEqual(run.summary["ranks"], ranks)
                 for part in ("mesh", "dofs", "steps", "newton", "active_set"):
                     for key, value in one.summary[part].items():
                         self.assertEqual(run.summary[part][key], value, f"{part}.{key}")
                 self.assertGreater(len(one.errors), 0)
                 for name, value in one.errors.items():
-                    self.assertAlmostEqual(run.errors[name], value, delta=1e-8 * value + 1e-15, msg=name)
+                    self.assertAlmostEqual(run.errors[name], value, delta=1e-9 * value + 1e-15, msg=name)
                 for column in ("open", "stick", "slip", "changed", "step_length"):
                     self.assertEqual(run.newton[column], one.newton[column], column)
 
