@@ -161,7 +161,7 @@ double ContactNewton::worth_solving() const {
   const double imbalance = norms_.momentum_scale > 0 ? norms_.momentum / norms_.momentum_scale : 0;
   if (!bends) return 0;
   const double left = std::max(norms_.contact / norms_.contact_scale, imbalance);
-  return left * std::min(1e-2, 300 * left);
+  return left * std::min(1e-2, 100 * left);
 }
 
 bool ContactNewton::moves_active_set(Vec direction) const {
