@@ -42,7 +42,7 @@ void default_displacement_multigrid(const assembly::MechanicsSystem& system, con
   la::default_option(p, "mg_levels_ksp_type", "chebyshev");
   la::default_option(p, "mg_levels_ksp_max_it", "2");
   // Incomplete Cholesky leaves few large eigenvalues. Five iterations estimate them as well as ten if a tenth is added for safety.
-  la::default_option(p, "mg_levels_ksp_chebyshev_esteig", "0,0.2,0,1.1");
+  la::default_option(p, "mg_levels_ksp_chebyshev_esteig", "0,0.3,0,1.1");
   la::default_option(p, "mg_levels_esteig_ksp_max_it", "5");
   // Jacobi's smoother takes two to three times the iterations, the more so beside fractures, where rows differ in size.
   la::default_option(p, "mg_levels_pc_type", "bjacobi");
