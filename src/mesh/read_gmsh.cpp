@@ -80,6 +80,16 @@ class Plex {
     POLYSLIP_PETSC(DMPlexGetDepthStratum(plex_, 0, &nodes_.begin, &nodes_.end));
   }
 
+  /// Numbers cells, faces and nodes anew by reverse Cuthill-McKee, so that neighbours in the mesh are neighbours in memory. Gmsh numbers cells
+  /// as they came up; solves of 400000 unknowns in 3D take a sixth longer in that order.
+  void sort() {
+    la::Handle<IS> order;
+    la::Handle<DM> sorted;
+    POLYSLIP_PETSC(DMPlexGetOrdering(plex_, MATORDERINGRCM, nullptr, order.put()));
+    POLYSLIP_PETSC(DMPlexPermute(plex_, order, sorted.put()));
+    plex_ = std::move(sorted);
+  }
+
   [[nodiscard]] int dim() const { return dim_; }
   [[nodiscard]] Range cells() const { return cells_; }
   [[nodiscard]] Range nodes() const { return nodes_; }
@@ -182,8 +192,8 @@ class GroupNames {
   std::map<std::pair<int, int>, std::string> names_;
 };
 
-std::vector<Vec3> checked_coordinates(const Plex& plex, const std::string& file) {
-  auto nodes = plex.coordinates();
+void check_coordinates(const Plex& plex, const std::string& file) {
+  const std::vector<Vec3> nodes = plex.coordinates();
   if (nodes.empty()) {
     throw InputError("the elements are of second or higher order", file, "Set Mesh.ElementOrder = 1 in Gmsh");
   }
@@ -195,7 +205,6 @@ std::vector<Vec3> checked_coordinates(const Plex& plex, const std::string& file)
           file, "Move it to z = 0, or mesh the volumes if this is meant to be 3D");
     }
   }
-  return nodes;
 }
 
 /// Region of each cell in `plex`, by physical group.
@@ -219,13 +228,15 @@ std::vector<Index> cell_regions(const Plex& plex, const GroupNames& names, MeshB
 PolyMesh read_gmsh(const std::filesystem::path& path) {
   const std::string file = path.string();
   check_gmsh(path);
-  const Plex plex(load(file));
+  Plex plex(load(file));
   if (plex.dim() < 2 || plex.cells().end == plex.cells().begin) {
     throw InputError("the file has no cells (triangles, quadrilaterals, tetrahedra, hexahedra, prisms or pyramids)", file,
                      "Mesh the surfaces (2D) or volumes (3D) and save all elements (Mesh.SaveAll = 1)");
   }
+  check_coordinates(plex, file);
+  plex.sort();
   const GroupNames names(file);
-  MeshBuilder builder(plex.dim(), checked_coordinates(plex, file), file);
+  MeshBuilder builder(plex.dim(), plex.coordinates(), file);
   const auto region = cell_regions(plex, names, builder);
   std::vector<Index> nodes;
   for (PetscInt cell = plex.cells().begin; cell < plex.cells().end; ++cell) {

@@ -82,7 +82,8 @@ class FaultReactivation(StoredTables):
 
     def test_two_ranks_compute_the_same(self):
         two = Run("fault_reactivation", {**STEPS, "time.end": "120*day"}, ranks=2, options=LU)
-        self.assertEqual(two.history["newton"], self.run_.history["newton"])
+        for one, other in zip(self.run_.history["newton"], two.history["newton"], strict=True):
+            self.assertAlmostEqual(other, one, delta=1)  # windows of the elimination end at the borders of ranks
         self.assert_like(two.history, self.run_.history, HISTORY)
 
 

@@ -1,4 +1,5 @@
 // Meshes from files: what is read is what was written, and what cannot be read is refused in words.
+#include <fmt/format.h>
 #include <gtest/gtest.h>
 #include <hdf5.h>
 #include <mpi.h>
@@ -269,6 +270,26 @@ TEST_F(Readers, gmsh_41_gives_every_shape_with_closed_cells) {
   EXPECT_EQ(in_regions(mesh), (std::map<std::string, int>{{"block", 2}, {"rock", 2}}));
   EXPECT_EQ(tagged(mesh).at("fracture"), 1);
   EXPECT_EQ(std::count_if(mesh.face_cells.begin(), mesh.face_cells.end(), [](auto& sides) { return sides[1] >= 0; }), 3);
+}
+
+TEST_F(Readers, gmsh_cells_are_numbered_so_that_neighbours_are_near) {
+  constexpr int n = 97;  // quadrilaterals in a row, which the file has in another order
+  std::string text = fmt::format("$MeshFormat\n2.2 0 8\n$EndMeshFormat\n$Nodes\n{}\n", 2 * (n + 1));
+  for (int i = 0; i <= n; ++i) text += fmt::format("{} {} 0 0\n{} {} 1 0\n", 2 * i + 1, i, 2 * i + 2, i);
+  text += fmt::format("$EndNodes\n$Elements\n{}\n", n);
+  for (int k = 0; k < n; ++k) {
+    const int first = 2 * (31 * k % n) + 1;
+    text += fmt::format("{} 3 2 0 1 {} {} {} {}\n", k + 1, first, first + 2, first + 3, first + 1);
+  }
+  const PolyMesh mesh = read_mesh(text_file("row.msh", text + "$EndElements\n"));
+  ASSERT_EQ(mesh.n_cells(), n);
+  for (const auto& [first, second] : mesh.face_cells) {
+    if (second < 0) continue;
+    EXPECT_EQ(std::abs(first - second), 1);
+  }
+  for (Index cell = 0; cell < n; ++cell)
+    for (const Index face : mesh.cell_faces[cell])
+      for (const Index node : mesh.face_nodes[face]) EXPECT_LE(std::abs(node - 2 * cell), 4);
 }
 
 TEST_F(Readers, gmsh_periodic_nodes_stay_apart) {
