@@ -380,14 +380,15 @@ ResidualNorms CoupledSystem::norms(Vec z, Vec f) const {
   copy_tail(z, layout().size(), q_work_);
   n.flow_floor = 4 * (flow_.round_off(q_work_, NORM_2) + displacement_round_off(z));
   const VecRead rows(f);
-  // Of the squares; of the rows, which is what all of them together lose: in parts of the turnover no more than rows in parts of their scale.
-  std::array<double, 2> sums{};
+  std::array<double, 2> sums{};  // of the squares; of the rows
   for (Index i = layout().size(); i < size(); ++i) {
     sums[0] += rows[i] * rows[i];
     sums[1] += rows[i];
   }
   mpi::sum_in_place(mesh().comm, sums);
-  n.flow = std::max(std::sqrt(sums[0]), std::abs(sums[1]) * flow_scale_ / std::max(flow_turnover_, 1e-300));
+  n.flow = std::sqrt(sums[0]);
+  n.flow_loss = std::abs(sums[1]);
+  n.flow_turnover = std::max(flow_turnover_, 1e-300);
   n.flow_scale = std::max(flow_scale_, 1e-300);
   return n;
 }

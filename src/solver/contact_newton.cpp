@@ -19,16 +19,22 @@ using assembly::MechanicsSystem;
 
 namespace {
 
+constexpr double largest_loss = 1e-9;   ///< Of fluid in a step, relative to what moves, unless rtol allows more.
 constexpr double nearly_solved = 0.03;  ///< Relative residual of the contact rows.
 /// Relative to the scene's beta. Springs leave jumps that know where faces slip; with more of them in z directions of slip settle sooner.
 constexpr double beta_after_springs = 3;
 
 bool is_solved(const assembly::ResidualNorms& n, double atol, double rtol) {
   return n.momentum <= std::max({atol, rtol * n.momentum_scale, n.momentum_floor}) && n.contact <= std::max(atol, rtol * n.contact_scale) &&
-         n.flow <= std::max(n.flow_floor, rtol * n.flow_scale);
+         is_balanced(n, rtol);
 }
 
 }  // namespace
+
+bool is_balanced(const assembly::ResidualNorms& n, double rtol) {
+  return n.flow <= std::max(n.flow_floor, rtol * n.flow_scale) &&
+         n.flow_loss <= std::max(n.flow_floor, std::max(10 * rtol, largest_loss) * n.flow_turnover);
+}
 
 /// One way to the solution: the size of beta relative to the scene's, a factor on friction reached before the whole of it, and whether
 /// springs come first.

@@ -33,6 +33,7 @@ struct ResidualNorms {
   double contact = 0, contact_scale = 0;    ///< With beta = (2 mu + lambda)/h_K, times |sigma| [N].
   double flow = 0, flow_scale = 1;          ///< Volumes of fluid [m3; 2D: m2]; 0 without it. See CoupledSystem::norms.
   double flow_floor = 0;                    ///< What the digits of the pressures leave of flow.
+  double flow_loss = 0, flow_turnover = 1;  ///< What all flow rows lose together, and the volumes that move (of all rows, in the 1-norm).
 };
 
 struct StateCounts {

@@ -42,6 +42,10 @@ struct NewtonSeconds {
   double condense = 0, solve = 0;
 };
 
+/// Whether the fluid balances to rtol: each row, or down to a floor of round-off, which may lie far above; and all rows together, which may
+/// lose a billionth of the volumes that move (more if rtol is above 1e-10), whatever the floor of each.
+[[nodiscard]] bool is_balanced(const assembly::ResidualNorms& n, double rtol);
+
 class ContactNewton {
  public:
   /// With the linear solver of the condensed formulation where a system needs another than LinearSolver.

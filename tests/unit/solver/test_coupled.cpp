@@ -188,7 +188,7 @@ TEST_P(predicted_steps, start_where_they_are_when_the_last_speed_misleads) {
   EXPECT_EQ(misled.newton, plain.newton);
 }
 
-TEST(coupled_rows, are_measured_by_what_they_lose_together_in_parts_of_what_moves) {
+TEST(coupled_rows, are_measured_one_by_one_and_by_what_they_lose_together) {
   CoupledScene scene({2, "quads"}, {});
   CoupledSystem& system = *scene.system;
   la::Handle<Vec> before = system.create_vector(), z = system.create_vector(), f = system.create_vector();
@@ -199,7 +199,7 @@ TEST(coupled_rows, are_measured_by_what_they_lose_together_in_parts_of_what_move
       const assembly::VecWrite rows(f);
       for (Index i = first; i < system.size(); ++i) rows[i] = 2;
     }
-    return system.norms(z, f).flow;
+    return system.norms(z, f);
   };
   const double n = static_cast<double>(scene.flow->layout().numbering().total);
   ASSERT_TRUE(system.begin_step(before, 0.3));
@@ -209,15 +209,35 @@ TEST(coupled_rows, are_measured_by_what_they_lose_together_in_parts_of_what_move
     const assembly::VecWrite q(z);
     if (mpi::rank(PETSC_COMM_WORLD) == 0) q[first + scene.flow->layout().cell(0)] = 1;
   }
-  const double by_one_cell = measured();
-  EXPECT_NEAR(by_one_cell, 2 * n, 1e-12 * n);
+  const assembly::ResidualNorms one_cell = measured();
+  EXPECT_NEAR(one_cell.flow, 2 * std::sqrt(n), 1e-12 * n);
+  EXPECT_NEAR(one_cell.flow_loss, 2 * n, 1e-12 * n);
+  EXPECT_NEAR(one_cell.flow_turnover, one_cell.flow_scale, 1e-12 * one_cell.flow_scale) << "one cell alone moves";
   {
     const assembly::VecWrite q(z);
     for (Index i = first; i < system.size(); ++i) q[i] = 1;
   }
-  const double by_all = measured();
-  EXPECT_LT(by_all, n);
-  EXPECT_GE(by_all, 2 * std::sqrt(n));
+  const assembly::ResidualNorms all = measured();
+  EXPECT_GT(all.flow_turnover, 2 * all.flow_scale);
+}
+
+TEST(coupled_rows, may_rest_on_round_off_but_not_lose_fluid) {
+  assembly::ResidualNorms rows;
+  rows.flow_scale = 1e3;
+  rows.flow_turnover = 1e6;
+  EXPECT_TRUE(solver::is_balanced(rows, 1e-10));
+  rows.flow = 1e-6;
+  EXPECT_FALSE(solver::is_balanced(rows, 1e-10));
+  EXPECT_TRUE(solver::is_balanced(rows, 1e-8));
+  rows.flow_floor = 1e-5;
+  EXPECT_TRUE(solver::is_balanced(rows, 1e-10));
+  rows.flow_loss = 5e-4;
+  EXPECT_TRUE(solver::is_balanced(rows, 1e-10)) << "half a billionth of what moves";
+  rows.flow_loss = 1e-1;
+  EXPECT_FALSE(solver::is_balanced(rows, 1e-10));
+  EXPECT_TRUE(solver::is_balanced(rows, 1e-7));
+  rows.flow_floor = 1;
+  EXPECT_TRUE(solver::is_balanced(rows, 1e-10)) << "no digits are left";
 }
 
 TEST(fixed_stress, depends_on_the_contact_at_hand_alone) {
