@@ -45,7 +45,7 @@ class NonlinearElimination {
   la::Handle<KSP> ksp_;
   la::Handle<Vec> rhs_, solution_;
   PetscReal most_ = 0.2;        ///< -elimination_share: of all displacements that W may have (0: no elimination)
-  PetscInt rings_;              ///< -elimination_rings: of neighbours in the matrix, as far as W stays small
+  PetscInt rings_;              ///< -elimination_rings: of neighbours, as far as W stays small; in 3D a second does not pay
   PetscInt most_steps_ = 4;      ///< -elimination_max_it
 };
 
