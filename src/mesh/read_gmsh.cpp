@@ -233,7 +233,7 @@ PolyMesh read_gmsh(const std::filesystem::path& path) {
     throw InputError("the file has no cells (triangles, quadrilaterals, tetrahedra, hexahedra, prisms or pyramids)", file,
                      "Mesh the surfaces (2D) or volumes (3D) and save all elements (Mesh.SaveAll = 1)");
   }
-  check_coordinates(plex, file);
+  check_coordinates(plex, file);  // by the numbers of the file
   plex.sort();
   const GroupNames names(file);
   MeshBuilder builder(plex.dim(), plex.coordinates(), file);

@@ -255,7 +255,7 @@ void ContactNewton::record(int iteration, const assembly::ResidualNorms& n) {
   if (!monitor) return;
   const auto relative = [](double value, double scale) { return scale > 0 ? value / scale : value; };
   monitor({iteration, relative(n.momentum, n.momentum_scale), relative(n.contact, n.contact_scale),
-           relative(n.flow, std::max(n.flow_scale, n.flow_floor)), trace_.counts, trace_.changed, trace_.step_length, linear_ && iteration > 0 ? linear_->last_iterations() : 0, remedy_});
+           trace_.counts, trace_.changed, trace_.step_length, linear_ && iteration > 0 ? linear_->last_iterations() : 0, remedy_});
 }
 
 std::string ContactNewton::why(SNESConvergedReason reason) const {
@@ -290,7 +290,8 @@ bool ContactNewton::run(Vec x, const std::string& remedy, NewtonResult& result) 
     const std::string flickering = trace_.flickering();
     result.message = fmt::format("Newton stopped after {} iterations ({}): {}; relative residuals momentum {:.2e}, contact {:.2e}, flow {:.2e}{}{}", iterations,
                                  SNESConvergedReasons[reason], why(reason),
-                                 norms_.momentum / norms_.momentum_scale, norms_.contact / norms_.contact_scale, norms_.flow / norms_.flow_scale,
+                                 norms_.momentum / norms_.momentum_scale, norms_.contact / norms_.contact_scale,
+                                 std::max(norms_.flow / norms_.flow_scale, norms_.flow_loss / norms_.flow_turnover),
                                  flickering.empty() ? "" : "; ", flickering);
   }
   return result.converged;

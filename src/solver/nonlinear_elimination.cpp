@@ -70,21 +70,26 @@ bool NonlinearElimination::choose_rows() {
     const long long size = mpi::sum(system_.mesh().comm, static_cast<long long>(rows.size()));
     return size > 0 && static_cast<double>(size) <= most_ * static_cast<double>(all);
   };
-  for (PetscInt ring = 0, done = 0; ring < rings_; ++ring) {
-    const auto end = static_cast<PetscInt>(rows.size());
-    for (; done < end; ++done) {
-      const PetscInt row = rows[static_cast<std::size_t>(done)];
+  std::size_t done = 0;
+  const auto take_neighbours = [&] {
+    for (const std::size_t end = rows.size(); done < end; ++done) {
+      const PetscInt row = rows[done];
       PetscInt n = 0;
       const PetscInt* columns = nullptr;
       POLYSLIP_PETSC(MatGetRow(system_.matrix(), row, &n, &columns, nullptr));
       std::for_each_n(columns, n, take);
       POLYSLIP_PETSC(MatRestoreRow(system_.matrix(), row, &n, &columns, nullptr));
     }
-    if (ring == 0 || fits()) continue;
-    rows.resize(static_cast<std::size_t>(end));
+  };
+  if (rings_ > 0) take_neighbours();
+  const bool is_small = fits();
+  for (PetscInt ring = 1; ring < rings_ && is_small; ++ring) {
+    const std::size_t before = rows.size();
+    take_neighbours();
+    if (fits()) continue;
+    rows.resize(before);
     break;
   }
-  const bool is_small = fits();
   std::sort(rows.begin(), rows.end());
   if (mpi::any(system_.mesh().comm, rows != rows_)) forget_window();
   rows_ = std::move(rows);

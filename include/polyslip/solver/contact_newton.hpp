@@ -23,7 +23,6 @@ struct NewtonRecord {
   int iteration = 0;          ///< 0: the start
   double momentum = 0;        ///< Relative to loads and contact forces.
   double contact = 0;         ///< Relative to contact forces.
-  double flow = 0;            ///< Relative to the volumes that move; 0 without fluid.
   assembly::StateCounts counts;
   long long changed = 0;
   double step_length = 1;
