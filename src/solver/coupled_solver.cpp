@@ -8,6 +8,7 @@
 
 #include "polyslip/la/field_split.hpp"
 #include "polyslip/la/options.hpp"
+#include "polyslip/la/reuse.hpp"
 #include "polyslip/solver/pressure_multigrid.hpp"
 
 namespace polyslip::solver {
@@ -148,7 +149,7 @@ void CoupledSolver::set_up(bool again) {
   else if (fixed_stress_.get() != nullptr)
     set_up_blocks(again);
   else
-    POLYSLIP_PETSC(KSPSetReusePreconditioner(ksp_, again ? PETSC_FALSE : PETSC_TRUE));
+    la::reuse_preconditioner(ksp_, !again);
   if (!again) return;
   has_preconditioner_ = true;
   changed_since_setup_ = 0;
@@ -159,7 +160,7 @@ void CoupledSolver::set_up(bool again) {
 
 void CoupledSolver::set_up_direct(bool again) {
   const Mat nest = system_.condensed_matrix();
-  POLYSLIP_PETSC(KSPSetReusePreconditioner(ksp_, again ? PETSC_FALSE : PETSC_TRUE));
+  la::reuse_preconditioner(ksp_, !again);
   if (again) {
     if (assembled_.get() == nullptr) {
       POLYSLIP_PETSC(MatConvert(nest, MATAIJ, MAT_INITIAL_MATRIX, assembled_.put()));
@@ -175,10 +176,10 @@ void CoupledSolver::set_up_blocks(bool again) {
   if (again && has_preconditioner_) choose();  // for the interpolation is kept otherwise
   if (again || fixed_stress_is_stale()) write_fixed_stress();  // the pressure block sets itself up when its matrix has changed
   if (again) {
-    POLYSLIP_PETSC(KSPSetReusePreconditioner(ksp_, PETSC_FALSE));
+    la::reuse_preconditioner(ksp_, false);
     POLYSLIP_PETSC(KSPSetUp(ksp_));
   }
-  POLYSLIP_PETSC(KSPSetReusePreconditioner(ksp_, PETSC_TRUE));
+  la::reuse_preconditioner(ksp_, true);
   PC pc = nullptr;
   PetscInt n = 0;
   KSP* blocks = nullptr;

@@ -3,6 +3,7 @@
 #include "polyslip/common/mpi.hpp"
 #include "polyslip/la/field_split.hpp"
 #include "polyslip/la/options.hpp"
+#include "polyslip/la/reuse.hpp"
 
 namespace polyslip::solver {
 
@@ -85,10 +86,13 @@ bool DisplacementHierarchy::follow(KSP ksp) {
     changes_->apply(pc);
     return false;
   }
-  POLYSLIP_PETSC(KSPSetReusePreconditioner(ksp, PETSC_FALSE));
+  Mat applied = nullptr, matrix = nullptr;
+  POLYSLIP_PETSC(KSPGetOperators(ksp, &applied, &matrix));
+  POLYSLIP_PETSC(KSPSetOperators(ksp, applied, matrix));  // or a block of a split would be left as it was set up first
+  la::reuse_preconditioner(ksp, false);
   la::set_up_with_fields(ksp);
   la::fill_empty_rows(pc);
-  POLYSLIP_PETSC(KSPSetReusePreconditioner(ksp, PETSC_TRUE));
+  la::reuse_preconditioner(ksp, true);
   return true;
 }
 

@@ -6,6 +6,7 @@
 
 #include "polyslip/common/mpi.hpp"
 #include "polyslip/la/options.hpp"
+#include "polyslip/la/reuse.hpp"
 
 namespace polyslip::solver {
 
@@ -95,7 +96,7 @@ void LinearSolver::set_up_preconditioner(bool again) {
   is_reused_ = !again;
   bool entirely = true;
   if (!has_hierarchy_)
-    POLYSLIP_PETSC(KSPSetReusePreconditioner(ksp_, again ? PETSC_FALSE : PETSC_TRUE));
+    la::reuse_preconditioner(ksp_, !again);
   else if (!has_preconditioner_)
     hierarchy_.set_up(ksp_);
   else if (again)

@@ -29,10 +29,11 @@ void for_each_field(PC pc, Visit&& visit) {
   POLYSLIP_PETSC(PetscFree(fields));
 }
 
-/// Sets a solver up for its matrix as it is, the solvers of its fields too; PETSc leaves those to their first solve.
+/// Sets a solver up for its matrix as it is, the solvers of its fields and blocks too; PETSc leaves those to their first solve.
 inline void set_up_with_fields(KSP ksp) {
   PC pc = nullptr;
   POLYSLIP_PETSC(KSPSetUp(ksp));
+  POLYSLIP_PETSC(KSPSetUpOnBlocks(ksp));
   POLYSLIP_PETSC(KSPGetPC(ksp, &pc));
   for_each_field(pc, [](KSP field) { POLYSLIP_PETSC(KSPSetUp(field)); });
 }

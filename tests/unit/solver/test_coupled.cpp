@@ -242,7 +242,13 @@ TEST(coupled_rows, may_rest_on_round_off_but_not_lose_fluid) {
 
 TEST(fixed_stress, depends_on_the_contact_at_hand_alone) {
   const ScopedOption split("-coupled_pc_type", "fieldsplit"), tolerance("-coupled_ksp_rtol", "1e-8");
-  for (const auto bubbles : {spaces::Bubbles::fracture, spaces::Bubbles::all}) {
+  const std::pair<spaces::Bubbles, const char*> cases[] = {{spaces::Bubbles::fracture, "gamg"},
+                                                             {spaces::Bubbles::all, "fieldsplit"},
+                                                             {spaces::Bubbles::fracture, "hypre"},
+                                                             {spaces::Bubbles::fracture, "bjacobi"}};
+  for (const auto& [bubbles, displacement] : cases) {
+    SCOPED_TRACE(displacement);
+    const ScopedOption block("-coupled_fieldsplit_displacement_pc_type", displacement);
     CoupledScene scene({3, "hexahedra"}, {.friction = 2, .bubbles = bubbles}, 8);
     CoupledSystem& system = *scene.system;
     la::Handle<Vec> open = system.create_vector(), closed = system.create_vector();
