@@ -20,7 +20,9 @@ using physics::ContactState;
 namespace {
 
 constexpr const char *prefix = "coupled_", *memory_remedy = "-coupled_pc_type fieldsplit";
-constexpr GlobalIndex direct_limit = 15'000;  ///< Unknowns up to which a factorisation is as fast, in 2D and in 3D.
+/// Unknowns up to which a factorisation is the faster choice: over a few steps of equal length, which share it where no fracture changes the
+/// matrix, and with fractures, where it is made in almost each iteration.
+constexpr GlobalIndex direct_limit_2d = 300'000, direct_limit_3d = 15'000, direct_limit_fractured = 4'000;
 
 PetscErrorCode apply_exact(Mat shell, Vec x, Vec y) {
   PetscFunctionBeginUser;
@@ -44,7 +46,10 @@ void CoupledSolver::choose() {
   const int dim = system_.layout().dim();
   PetscInt unknowns = 0;
   POLYSLIP_PETSC(VecGetSize(rhs_, &unknowns));
-  const bool direct = unknowns <= direct_limit;
+  const bool fractured = system_.fracture_faces() > 0;
+  const GlobalIndex limit = fractured ? direct_limit_fractured : dim == 2 ? direct_limit_2d : direct_limit_3d;
+  const bool direct = unknowns <= limit;
+  const std::string scene = fmt::format("{} unknowns in {}D {} fractures", unknowns, dim, fractured ? "with" : "without");
   PC pc = nullptr;
   POLYSLIP_PETSC(KSPCreate(system_.mesh().comm, ksp_.put()));
   POLYSLIP_PETSC(KSPSetOptionsPrefix(ksp_, prefix));
@@ -53,11 +58,11 @@ void CoupledSolver::choose() {
   if (la::user_sets(prefix, "-pc_type"))
     choice_ = "linear solver: as the options say";
   else if (direct)
-    choice_ = fmt::format("linear solver: LU factorisation of displacement and pressure (MUMPS), as {} unknowns in {}D are at most {}; "
-                          "-coupled_pc_type fieldsplit for multigrid", unknowns, dim, direct_limit);
+    choice_ = fmt::format("linear solver: LU factorisation of displacement and pressure (MUMPS), as {} are at most {}; "
+                          "-coupled_pc_type fieldsplit for multigrid", scene, limit);
   else
-    choice_ = fmt::format("linear solver: fixed stress with multigrid on displacement and pressure, as {} unknowns in {}D exceed {}; "
-                          "-coupled_pc_type lu for a factorisation", unknowns, dim, direct_limit);
+    choice_ = fmt::format("linear solver: fixed stress with multigrid on displacement and pressure, as {} exceed {}; "
+                          "-coupled_pc_type lu for a factorisation", scene, limit);
   POLYSLIP_PETSC(KSPSetType(ksp_, KSPFGMRES));
   POLYSLIP_PETSC(KSPGMRESSetRestart(ksp_, 100));
   POLYSLIP_PETSC(KSPSetPCSide(ksp_, PC_RIGHT));
@@ -131,19 +136,19 @@ void CoupledSolver::write_fixed_stress() {
   }
   POLYSLIP_PETSC(MatDiagonalSet(fixed_stress_, diagonal, ADD_VALUES));
   states_of_fixed_stress_ = states_of_matrix_;
-  flow_of_fixed_stress_ = system_.flow_matrix_version();
+  flow_of_setup_ = system_.flow_matrix_version();
 }
 
 /// Other flow, or more than a twentieth of the faces opened or closed since: fewer cost the Krylov method less than a new pressure block, but
 /// a step begins with its own.
 bool CoupledSolver::fixed_stress_is_stale() const {
-  if (flow_of_fixed_stress_ != system_.flow_matrix_version()) return true;
+  if (flow_of_setup_ != system_.flow_matrix_version()) return true;
   const long long parted = parted_since(system_.mesh().comm, states_of_fixed_stress_);
   return starts_step_ ? parted > 0 : 20 * parted > system_.fracture_faces();
 }
 
 void CoupledSolver::set_up(bool again) {
-  is_reused_ = !again;
+  is_reused_ = !again && !is_factorised();
   if (factorises_)
     set_up_direct(again);
   else if (fixed_stress_.get() != nullptr)
@@ -155,7 +160,10 @@ void CoupledSolver::set_up(bool again) {
   changed_since_setup_ = 0;
   iterations_after_setup_ = -1;
   ++counts_.setups;
-  if (factorises_) ++counts_.factorisations;
+  if (!factorises_) return;
+  ++counts_.factorisations;
+  is_as_new_for(system_.linearised_law());
+  flow_of_setup_ = system_.flow_matrix_version();
 }
 
 void CoupledSolver::set_up_direct(bool again) {
@@ -198,17 +206,22 @@ void CoupledSolver::set_up_blocks(bool again) {
   POLYSLIP_PETSC(PetscFree(blocks));
 }
 
-void CoupledSolver::start_step() {
-  starts_step_ = true;
+bool CoupledSolver::is_factorised() const {
+  return factorises_ && !system_.flow().layout().with_fractures() && flow_of_setup_ == system_.flow_matrix_version() &&
+         is_set_up_for(system_.mesh().comm, system_.linearised_law());
+}
+
+void CoupledSolver::forget_other_steps() {
   if (fixed_stress_.get() != nullptr) return;
-  has_preconditioner_ = false;
   changed_since_setup_ = last_iterations_ = 0;
   iterations_after_setup_ = -1;
+  has_preconditioner_ = is_factorised();
   if (!factorises_) choose();  // of a factorisation its order stays, which depends on the pattern alone
 }
 
 void CoupledSolver::matrix_changed(const std::vector<ContactState>& states, bool everywhere) {
   changed_since_setup_ += take_over(system_.mesh().comm, states, everywhere);
+  if (starts_step_) forget_other_steps();
   const bool many = changed_since_setup_ * system_.layout().dim() > 30;
   const bool costly = iterations_after_setup_ >= 0 && last_iterations_ > 1.5 * iterations_after_setup_ + 3;
   const bool again = factorises_ ? many || costly : fixed_stress_.get() == nullptr;  // blocks follow the matrix

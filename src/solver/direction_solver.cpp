@@ -58,6 +58,17 @@ long long DirectionSolver::take_over(MPI_Comm comm, const std::vector<ContactSta
   return mpi::sum(comm, changed);
 }
 
+void DirectionSolver::is_as_new_for(std::span<const physics::ContactLinearisation> law) {
+  is_as_new_ = true;
+  law_of_setup_.assign(law.begin(), law.end());
+}
+
+bool DirectionSolver::is_set_up_for(MPI_Comm comm, std::span<const physics::ContactLinearisation> law) const {
+  const auto same = [](const auto& a, const auto& b) { return a.state == b.state && a.d_lam == b.d_lam && a.d_jump == b.d_jump; };
+  const bool here = std::equal(law.begin(), law.end(), law_of_setup_.begin(), law_of_setup_.end(), same);
+  return is_as_new_ && !mpi::any(comm, !here);
+}
+
 long long DirectionSolver::parted_since(MPI_Comm comm, const std::vector<ContactState>& earlier) const {
   long long parted = 0;
   for (std::size_t f = 0; f < states_of_matrix_.size(); ++f)

@@ -102,8 +102,8 @@ void LinearSolver::set_up_preconditioner(bool again) {
   else if (again)
     entirely = hierarchy_.follow(ksp_);
   if (!again) return;
-  is_as_new_ = !has_preconditioner_ || has_hierarchy_;
-  if (is_as_new_) law_of_setup_.assign(system_.linearised_law().begin(), system_.linearised_law().end());
+  is_as_new_ = false;
+  if (!has_preconditioner_ || has_hierarchy_) is_as_new_for(system_.linearised_law());
   has_preconditioner_ = true;
   changed_since_setup_ = 0;
   iterations_after_setup_ = -1;
@@ -111,17 +111,11 @@ void LinearSolver::set_up_preconditioner(bool again) {
   if (factorises_) ++counts_.factorisations;
 }
 
-bool LinearSolver::is_set_up_for(std::span<const physics::ContactLinearisation> law) const {
-  const auto same = [](const auto& a, const auto& b) { return a.state == b.state && a.d_lam == b.d_lam && a.d_jump == b.d_jump; };
-  const bool here = std::equal(law.begin(), law.end(), law_of_setup_.begin(), law_of_setup_.end(), same);
-  return is_as_new_ && !mpi::any(system_.mesh().comm, !here);
-}
-
 void LinearSolver::forget_other_steps() {
   starts_step_ = false;
   changed_since_setup_ = last_iterations_ = 0;
   iterations_after_setup_ = -1;
-  if (is_set_up_for(system_.linearised_law())) return;
+  if (is_set_up_for(system_.mesh().comm, system_.linearised_law())) return;
   states_of_matrix_.clear();
   if (has_hierarchy_) return;  // which will follow
   has_preconditioner_ = is_as_new_ = false;

@@ -31,6 +31,13 @@ class Consolidation(unittest.TestCase):
                         self.assertGreater(order, 1.95)
                         self.assertLess(order, 2.05)
 
+    def test_steps_of_equal_length_share_a_factorisation(self):
+        for example in REFERENCE:
+            with self.subTest(example=example):
+                summary = Run(example).summary
+                self.assertGreater(summary["steps"]["accepted"], 2)
+                self.assertEqual(summary["setups"]["factorisation"], 1)
+
     def test_the_load_at_once_is_undrained_at_first(self):
         # Far from the drained top the first short step shows the undrained pressure, load b/K_v/(1/M + b^2/K_v).
         run = Run("terzaghi", {"study.n": 16, "time.end": 1e-3, "time.step": 1e-3})

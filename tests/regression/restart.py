@@ -21,6 +21,8 @@ CASES = (
     ("rock", ("load_history.yaml",), MECHANICS, 0.4),
     ("rock by multigrid", ("load_history.yaml", "-displacement_pc_type", "gamg"), MECHANICS, 0.4),
     ("fluid", ("injection.yaml",), FLOW, 1.234),
+    ("wet rock, whose steps share a factorisation", ("../../../examples/mandel/scene.yaml", "-set", "time.step=1", "-set", "time.end=8"),
+     ("displacement", "pressure_cell", "pressure_trace"), 4),
     ("both", ("wet_crack.yaml",), WET, 800),
     ("both by multigrid", ("wet_crack.yaml", "-coupled_pc_type", "fieldsplit", "-set", "mechanics.bubbles=fracture"),
      tuple(table for table in WET if "normal_bubble" not in table), 800),

@@ -1,8 +1,8 @@
 // Solves the condensed system of displacement and pressure of a Newton iteration (options prefix coupled_).
 //
-// Defaults by size:
+// Defaults by size, and by whether fractures change the matrix from one iteration to the next:
 //  * an LU factorisation of the exact matrix (MUMPS) with a few GMRES iterations on top, kept as long as these are few
-//    (flexible GMRES, which saves an application an iteration);
+//    (flexible GMRES, which saves an application an iteration), or the matrix stays;
 //  * else GMRES with a block triangular preconditioner, PCFIELDSPLIT (Schur, upper):
 //       [ P_u  A_up ] [u]   [r_u]      S_fs = S' + diag( b^2 |K|/K_dr  on cells,  |sigma| l/(2 mu + lambda) on open fracture faces ),
 //       [      S_fs ] [p] = [r_p]      K_dr = lambda + 2 mu/d,   l^2 = h_K times the length of the fracture
@@ -23,8 +23,8 @@ class CoupledSolver final : public DirectionSolver {
   explicit CoupledSolver(assembly::CoupledSystem& system);
 
   [[nodiscard]] assembly::MechanicsSystem::MatrixContent content() const override { return content_; }
-  /// A factorisation is made anew in each step; multigrid follows each matrix.
-  void start_step() override;
+  /// A factorisation is made anew in each step unless its matrix is still that; multigrid follows each matrix.
+  void start_step() override { starts_step_ = true; }
   void matrix_changed(const std::vector<physics::ContactState>& states, bool everywhere) override;
   PetscErrorCode solve(Vec f, Vec direction, const assembly::ResidualNorms& norms, double rtol, bool loose) override;
   [[nodiscard]] bool can_refine() const override { return !factorises_; }
@@ -38,6 +38,10 @@ class CoupledSolver final : public DirectionSolver {
   void split_fields(PC pc);
   void set_up(bool again);
   void set_up_direct(bool again);
+  void forget_other_steps();
+  /// Whether a factorisation is that of the matrix at hand: by the law of contact and the matrix of flow. Where fractures conduct, their
+  /// apertures enter too, and change.
+  [[nodiscard]] bool is_factorised() const;
   void set_up_blocks(bool again);
   void write_fixed_stress();
   [[nodiscard]] bool fixed_stress_is_stale() const;
@@ -57,7 +61,7 @@ class CoupledSolver final : public DirectionSolver {
   PetscReal loose_rtol_ = 1e-2;  ///< -coupled_loose_rtol: of multigrid and of an old factorisation
   bool factorises_ = false, has_preconditioner_ = false, starts_step_ = false;
   std::vector<physics::ContactState> states_of_fixed_stress_;  ///< Of the owned faces.
-  long long changed_since_setup_ = 0, flow_of_fixed_stress_ = -1;  ///< The latter is a CoupledSystem::flow_matrix_version.
+  long long changed_since_setup_ = 0, flow_of_setup_ = -1;  ///< The latter is a CoupledSystem::flow_matrix_version.
 };
 
 }  // namespace polyslip::solver

@@ -1,7 +1,9 @@
 // What a Newton iteration on a condensed system asks of its linear solver.
 #pragma once
 
+#include <span>
 #include <string>
+#include <vector>
 
 #include "polyslip/assembly/mechanics_system.hpp"
 
@@ -53,6 +55,10 @@ class DirectionSolver {
   /// Takes over the states of the owned faces; returns how many faces, over all ranks, have changed with that: all where there were none
   /// before, or if the matrix changed `everywhere`.
   long long take_over(MPI_Comm comm, const std::vector<physics::ContactState>& states, bool everywhere);
+  /// Takes down that the preconditioner has been set up for the contact law at hand as a new solver would do it.
+  void is_as_new_for(std::span<const physics::ContactLinearisation> law);
+  /// Whether it is what a new solver would make for this law.
+  [[nodiscard]] bool is_set_up_for(MPI_Comm comm, std::span<const physics::ContactLinearisation> law) const;
   /// Faces, over all ranks, that have opened or closed since they were in the states `earlier`.
   [[nodiscard]] long long parted_since(MPI_Comm comm, const std::vector<physics::ContactState>& earlier) const;
 
@@ -61,9 +67,12 @@ class DirectionSolver {
   int last_iterations_ = 0;
   int iterations_after_setup_ = -1;  ///< Of the first full solve with this preconditioner; -1 before it.
   bool failed_ = false, is_reused_ = false;  ///< The latter: the preconditioner is older than the matrix.
+  bool is_as_new_ = false;                   ///< Whether the preconditioner is what a new solver makes for law_of_setup_.
   std::string lack_of_memory_;
 
  private:
+  std::vector<physics::ContactLinearisation> law_of_setup_;  ///< Of the local faces; where is_as_new_.
+
   PetscErrorCode run_once(KSP ksp, Vec rhs, Vec solution, double rtol, double target, const char* remedy);
 };
 

@@ -34,7 +34,6 @@ class LinearSolver final : public DirectionSolver {
   void set_method();
   void set_up_preconditioner(bool again);
   void forget_other_steps();
-  [[nodiscard]] bool is_set_up_for(std::span<const physics::ContactLinearisation> law) const;
 
   assembly::MechanicsSystem& system_;
   la::Handle<KSP> ksp_;
@@ -46,9 +45,7 @@ class LinearSolver final : public DirectionSolver {
   PetscReal loose_rtol_ = 1e-2;  ///< -displacement_loose_rtol
   bool user_ksp_ = false;
   bool factorises_ = false, has_hierarchy_ = false;
-  std::vector<physics::ContactLinearisation> law_of_setup_;  ///< Of the local faces; where is_as_new_.
   bool starts_step_ = false;
-  bool is_as_new_ = false;  ///< Whether the preconditioner is what a new solver makes of the matrix of law_of_setup_.
   long long changed_since_setup_ = 0;
   bool has_preconditioner_ = false;
 };
