@@ -80,6 +80,7 @@ class ContactNewton {
   void approach_by_springs(Vec x, NewtonResult& result);
   bool try_lagged_friction(Vec x, NewtonResult& result);
   bool is_unsettled(int iteration);
+  void measure(Vec x, Vec f);
   void eliminate(Vec x, Vec f);
   [[nodiscard]] double worth_solving() const;
   [[nodiscard]] bool moves_active_set(Vec direction) const;  ///< The whole step does, from where Newton stands.
@@ -105,6 +106,7 @@ class ContactNewton {
   bool may_soften_ = false, may_eliminate_ = false, unsettled_ = false, stopped_ = false;
   double eliminated_imbalance_ = 0;  ///< Momentum rows after the last elimination of a run; 0: no more of them [N].
   assembly::ResidualNorms norms_;
+  double largest_flow_floor_ = 0;  ///< What round-off may excuse of flow.
   NewtonSeconds seconds_;
   LinearCounts saddle_counts_;
 };
