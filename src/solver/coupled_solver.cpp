@@ -20,9 +20,9 @@ using physics::ContactState;
 namespace {
 
 constexpr const char *prefix = "coupled_", *memory_remedy = "-coupled_pc_type fieldsplit";
-/// Unknowns up to which a factorisation is the faster choice: over a few steps of equal length, which share it where no fracture changes the
-/// matrix, and with fractures, where it is made in almost each iteration.
-constexpr GlobalIndex direct_limit_2d = 300'000, direct_limit_3d = 15'000, direct_limit_fractured = 4'000;
+/// Unknowns up to which a factorisation is the faster choice: in 2D without fractures, where steps of equal length share it; with fractures,
+/// where it is made in almost each iteration and multigrid serves well; and otherwise.
+constexpr GlobalIndex direct_limit_2d = 300'000, direct_limit = 15'000, direct_limit_fractured = 4'000;
 
 PetscErrorCode apply_exact(Mat shell, Vec x, Vec y) {
   PetscFunctionBeginUser;
@@ -47,9 +47,9 @@ void CoupledSolver::choose() {
   PetscInt unknowns = 0;
   POLYSLIP_PETSC(VecGetSize(rhs_, &unknowns));
   const bool fractured = system_.fracture_faces() > 0;
-  const GlobalIndex limit = fractured ? direct_limit_fractured : dim == 2 ? direct_limit_2d : direct_limit_3d;
+  const GlobalIndex limit = fractured && suits_multigrid(system_) ? direct_limit_fractured : dim == 2 && !fractured ? direct_limit_2d : direct_limit;
   const bool direct = unknowns <= limit;
-  const std::string scene = fmt::format("{} unknowns in {}D {} fractures", unknowns, dim, fractured ? "with" : "without");
+  const std::string scene = fmt::format("{} unknowns in {}D{}", unknowns, dim, fractured ? " with fractures" : "");
   PC pc = nullptr;
   POLYSLIP_PETSC(KSPCreate(system_.mesh().comm, ksp_.put()));
   POLYSLIP_PETSC(KSPSetOptionsPrefix(ksp_, prefix));

@@ -1,5 +1,7 @@
 #include "polyslip/solver/displacement_multigrid.hpp"
 
+#include <algorithm>
+
 #include "polyslip/common/mpi.hpp"
 #include "polyslip/la/field_split.hpp"
 #include "polyslip/la/options.hpp"
@@ -28,6 +30,13 @@ std::string default_split(const std::string& prefix) {
 }  // namespace
 
 PCType displacement_multigrid(const assembly::MechanicsSystem& system) { return is_split(system) ? PCFIELDSPLIT : PCGAMG; }
+
+bool suits_multigrid(const assembly::MechanicsSystem& system) {
+  constexpr double largest_ratio = 49;  // nu = 0.49
+  const auto is_stiff = [](const physics::Lame& lame) { return lame.lambda > largest_ratio * lame.mu; };
+  const bool stiff = std::any_of(system.moduli().begin(), system.moduli().end(), is_stiff);
+  return !is_split(system) && !mpi::any(system.mesh().comm, stiff);
+}
 
 void default_displacement_multigrid(const assembly::MechanicsSystem& system, const std::string& prefix) {
   const std::string p = is_split(system) ? default_split(prefix) : prefix;

@@ -14,6 +14,9 @@ namespace polyslip::solver {
 /// Type of the preconditioner: PCGAMG, or PCFIELDSPLIT.
 PCType displacement_multigrid(const assembly::MechanicsSystem& system);
 
+/// Whether few of its cycles do: with bubbles on fracture faces alone, and not near incompressibility (nu up to 0.49).
+bool suits_multigrid(const assembly::MechanicsSystem& system);
+
 /// Sets defaults of its options; `prefix` is that of the preconditioner.
 void default_displacement_multigrid(const assembly::MechanicsSystem& system, const std::string& prefix);
 
