@@ -40,9 +40,9 @@ LinearSolver::LinearSolver(MechanicsSystem& system)
 void LinearSolver::choose() {
   const int dim = system_.layout().dim();
   const GlobalIndex unknowns = system_.mesh().copies.total * dim + system_.layout().total_normals();
-  const bool fractured = system_.fracture_faces() > 0 && suits_multigrid(system_);
+  const bool fractured = dim == 3 && system_.fracture_faces() > 0 && suits_multigrid(system_);
   const GlobalIndex limit = dim == 2 ? direct_limit_2d : fractured ? direct_limit_3d_fractured : direct_limit_3d;
-  const std::string scene = fmt::format("{} unknowns in {}D{}", unknowns, dim, dim == 3 && fractured ? " with fractures" : "");
+  const std::string scene = fmt::format("{} unknowns in {}D{}", unknowns, dim, fractured ? " with fractures" : "");
   const bool direct = unknowns <= limit;
   PC pc = nullptr;
   POLYSLIP_PETSC(KSPCreate(system_.mesh().comm, ksp_.put()));

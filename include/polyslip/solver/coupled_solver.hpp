@@ -38,11 +38,11 @@ class CoupledSolver final : public DirectionSolver {
   void split_fields(PC pc);
   void set_up(bool again);
   void set_up_direct(bool again);
+  void set_up_blocks(bool again);
   void forget_other_steps();
   /// Whether a factorisation is that of the matrix at hand: by the law of contact and the matrix of flow. Where fractures conduct, their
   /// apertures enter too, and change.
   [[nodiscard]] bool is_factorised() const;
-  void set_up_blocks(bool again);
   void write_fixed_stress();
   [[nodiscard]] bool fixed_stress_is_stale() const;
   /// Residual at which a solve may end.
