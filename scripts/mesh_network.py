@@ -84,6 +84,8 @@ def read_network(arguments):
         if not network.low[-1] < level < network.high[-1] or (size is not None and not size > 0):
             raise SystemExit(f"mesh_network: --layer {level:g}: it must lie in the box, and its size be positive.")
     least = 2 if dim == 2 else 3
+    if "" in arguments.fine:  # of all that are not named
+        arguments.fine = dict.fromkeys(network.fractures, arguments.fine.pop("")) | arguments.fine
     if unknown := [name for name in arguments.fine if name not in network.fractures]:
         raise SystemExit(f"mesh_network: --fine {unknown[0]}: there is no such fracture; there are {', '.join(network.fractures)}.")
     for name, points in network.fractures.items():
@@ -244,8 +246,8 @@ def named_size(text):
         size = float(value)
     except ValueError:
         size = math.nan
-    if not (name and size > 0):
-        raise argparse.ArgumentTypeError(f"{text} is not NAME=H with a positive size.")
+    if not size > 0 or text.startswith("="):
+        raise argparse.ArgumentTypeError(f"{text} is neither H nor NAME=H with a positive size.")
     return name, size
 
 
@@ -267,8 +269,8 @@ def parse():
     parser.add_argument("--far", type=float, help="cell size at the corners of the box [m] (default: --size)")
     parser.add_argument("--grade", type=float, metavar="R",
                         help="make cells smaller towards tips [m]: size sqrt(d/R) at the distance d, down to size^2/R (default: no)")
-    parser.add_argument("--fine", type=named_size, action="append", default=[], metavar="NAME=H",
-                        help="cell size on one fracture [m], from which cells grow by a fifth of the distance; may be repeated")
+    parser.add_argument("--fine", type=named_size, action="append", default=[], metavar="[NAME=]H",
+                        help="cell size on one fracture, or on all [m], from which cells grow by a fifth of the distance; may be repeated")
     parser.add_argument("--layer", type=layer, action="append", default=[], metavar="Z[=H]",
                         help="interface between layers at the level Z of the last axis, cells on it of size H [m] (default: --far); may be repeated")
     parser.add_argument("--box", type=float, nargs="+", help="XMIN YMIN XMAX YMAX, or six numbers in 3D [m] (default: mesh.box)")
