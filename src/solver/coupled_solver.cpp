@@ -100,7 +100,7 @@ void CoupledSolver::split_fields(PC pc) {
   const std::string u = "coupled_fieldsplit_displacement_", p = "coupled_fieldsplit_pressure_";
   la::default_option(u, "ksp_type", "preonly");
   la::default_option(u, "pc_type", displacement_multigrid(system_));
-  default_displacement_multigrid(system_, u);
+  default_displacement_multigrid(system_, u, 1);
   la::default_option(p, "ksp_type", "preonly");
   default_condensed_multigrid(p, system_.layout().dim());
 

@@ -38,7 +38,7 @@ bool suits_multigrid(const assembly::MechanicsSystem& system) {
   return !is_split(system) && !mpi::any(system.mesh().comm, stiff);
 }
 
-void default_displacement_multigrid(const assembly::MechanicsSystem& system, const std::string& prefix) {
+void default_displacement_multigrid(const assembly::MechanicsSystem& system, const std::string& prefix, int smoothing_steps) {
   const std::string p = is_split(system) ? default_split(prefix) : prefix;
   // Galerkin products by two sparse products take half to two thirds of the time; on several ranks PETSc knows no such choice.
   if (mpi::size(system.mesh().comm) == 1) la::default_option("", "matptap_via", "rap");
@@ -50,7 +50,7 @@ void default_displacement_multigrid(const assembly::MechanicsSystem& system, con
   la::default_option(p, "pc_gamg_use_sa_esteig", "false");
   la::default_option(p, "pc_use_amat", "false");  // smoothers take the symmetric matrix, whatever the Krylov method applies
   la::default_option(p, "mg_levels_ksp_type", "chebyshev");
-  la::default_option(p, "mg_levels_ksp_max_it", "2");
+  la::default_option(p, "mg_levels_ksp_max_it", std::to_string(smoothing_steps).c_str());
   // Incomplete Cholesky leaves few large eigenvalues. Five iterations estimate them as well as ten if a tenth is added for safety.
   la::default_option(p, "mg_levels_ksp_chebyshev_esteig", "0,0.3,0,1.1");
   la::default_option(p, "mg_levels_esteig_ksp_max_it", "5");

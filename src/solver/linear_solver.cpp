@@ -52,13 +52,13 @@ void LinearSolver::choose() {
   user_ksp_ = la::user_sets(prefix, "-ksp_type");
   if (la::user_sets(prefix, "-pc_type")) {
     choice_ = "linear solver: as the options say";
-    if (la::user_chooses(prefix, "-pc_type", displacement_multigrid(system_))) default_displacement_multigrid(system_, prefix);
+    if (la::user_chooses(prefix, "-pc_type", displacement_multigrid(system_))) default_displacement_multigrid(system_, prefix, 2);
   } else if (direct) {
     POLYSLIP_PETSC(PCSetType(pc, PCCHOLESKY));
     choice_ = fmt::format("linear solver: sparse Cholesky (MUMPS), as {} are at most {}; -displacement_pc_type gamg for multigrid", scene, limit);
   } else {
     POLYSLIP_PETSC(PCSetType(pc, displacement_multigrid(system_)));
-    default_displacement_multigrid(system_, prefix);
+    default_displacement_multigrid(system_, prefix, 2);
     choice_ = fmt::format("linear solver: algebraic multigrid (GAMG) with rigid-body modes, as {} exceed {}; "
                           "-displacement_pc_type cholesky for a factorisation", scene, limit);
   }
