@@ -146,15 +146,12 @@ PetscErrorCode ContactNewton::apply_condensation(PC pc, Vec f, Vec direction) {
   const double faces = self->system_.fracture_faces();
   // Only a step that leaves the active set as it is need be exact: where one can go on, try a loose one first. A single step ends in
   // another law, and needs no accuracy.
-  const double few = self->linear_->can_refine() ? 0 : 0.01 * faces;
+  const double few = self->linear_->stops_early() ? 0 : 0.01 * faces;
   const bool loose = faces > 0 && (iteration == 0 || static_cast<double>(self->trace_.changed) > few);
   const double accuracy = std::max(rtol, self->worth_solving());
-  PetscCall(self->linear_->solve(f, direction, self->norms_, accuracy, loose));
-  if (loose && max_it > 1 && self->linear_->can_refine() && !self->linear_->failed()) {
-    bool moves = false;
-    PetscCallCXX(moves = self->moves_active_set(direction));
-    if (!moves) PetscCall(self->linear_->refine(f, direction, self->norms_, accuracy));
-  }
+  IsWorthMore keeps_active_set;
+  if (max_it > 1 && self->linear_->stops_early()) keeps_active_set = [self](Vec ahead) { return !self->moves_active_set(ahead); };
+  PetscCall(self->linear_->solve(f, direction, self->norms_, accuracy, loose, keeps_active_set));
   PetscCall(PCSetFailedReason(pc, self->linear_->failed() ? PC_SUBPC_ERROR : PC_NOERROR));  // SNES then ends with a failed linear solve
   PetscFunctionReturn(0);
 }

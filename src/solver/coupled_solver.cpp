@@ -35,7 +35,7 @@ PetscErrorCode apply_exact(Mat shell, Vec x, Vec y) {
 }  // namespace
 
 CoupledSolver::CoupledSolver(CoupledSystem& system)
-    : system_(system), rhs_(system.create_condensed_vector()), solution_(system.create_condensed_vector()), hierarchy_(system) {
+    : DirectionSolver(system, system.create_condensed_vector()), system_(system), hierarchy_(system) {
   const Index n = system.layout().displacement_size() + system.flow().layout().size();
   POLYSLIP_PETSC(MatCreateShell(system.mesh().comm, n, n, PETSC_DETERMINE, PETSC_DETERMINE, &system, exact_operator_.put()));
   POLYSLIP_PETSC(MatShellSetOperation(exact_operator_, MATOP_MULT, reinterpret_cast<void (*)()>(apply_exact)));
@@ -229,28 +229,20 @@ void CoupledSolver::matrix_changed(const std::vector<ContactState>& states, bool
   starts_step_ = false;
 }
 
-/// Newton asks for more even where all rows together are that small: then for a tenth.
+/// Newton asks for more even where all rows together are that small: then for a part of it.
 double CoupledSolver::target(const assembly::ResidualNorms& norms, double newton_rtol) const {
   const double flow = std::max(norms.flow_floor, newton_rtol * norms.flow_scale) * system_.pressure_scale();
   PetscReal size = 0;
   POLYSLIP_PETSC(VecNorm(rhs_, NORM_2, &size));
-  return 0.1 * std::min({newton_rtol * norms.momentum_scale, flow, size});
+  return enough * std::min({newton_rtol * norms.momentum_scale, flow, size});
 }
 
-PetscErrorCode CoupledSolver::solve(Vec f, Vec direction, const assembly::ResidualNorms& norms, double newton_rtol, bool loose) {
+PetscErrorCode CoupledSolver::solve(Vec f, Vec direction, const assembly::ResidualNorms& norms, double newton_rtol, bool loose,
+                                    const IsWorthMore& is_worth_more) {
   PetscFunctionBeginUser;
   const double rtol = loose && (!factorises_ || is_reused_) ? loose_rtol_ : 0.0;
   PetscCallCXX(system_.condense_residual(f, rhs_));
-  PetscCall(run(ksp_, rhs_, solution_, rtol, target(norms, newton_rtol), memory_remedy));
-  if ((!loose || factorises_) && iterations_after_setup_ < 0) iterations_after_setup_ = last_iterations_;
-  PetscCallCXX(system_.recover(f, solution_, direction));
-  PetscFunctionReturn(0);
-}
-
-PetscErrorCode CoupledSolver::refine(Vec f, Vec direction, const assembly::ResidualNorms& norms, double newton_rtol) {
-  PetscFunctionBeginUser;
-  PetscCall(go_on(ksp_, rhs_, solution_, target(norms, newton_rtol), memory_remedy));
-  PetscCallCXX(system_.recover(f, solution_, direction));
+  PetscCall(run(ksp_, f, direction, rtol, target(norms, newton_rtol), memory_remedy, is_worth_more));
   PetscFunctionReturn(0);
 }
 

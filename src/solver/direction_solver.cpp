@@ -1,6 +1,7 @@
 #include "polyslip/solver/direction_solver.hpp"
 
 #include <algorithm>
+#include <utility>
 
 #include "polyslip/common/mpi.hpp"
 #include "polyslip/la/memory.hpp"
@@ -9,36 +10,85 @@ namespace polyslip::solver {
 
 using physics::ContactState;
 
-PetscErrorCode DirectionSolver::run(const la::Handle<KSP>& ksp, Vec rhs, Vec solution, double rtol, double target, const char* remedy) {
+namespace {
+
+/// A test of convergence that stops once at a loose tolerance to ask whether to go on. Solving again from what a loose solve has left would
+/// throw away the Krylov space.
+class LooseStop {
+ public:
+  LooseStop(double rtol, const IsWorthMore& is_worth_more) : rtol_(rtol), is_worth_more_(is_worth_more) {}
+
+  [[nodiscard]] bool has_stopped() const { return has_stopped_; }
+
+  PetscErrorCode solve(KSP ksp, Vec rhs, Vec solution) {
+    PetscErrorCode (*destroy)(void*) = nullptr;
+    PetscFunctionBeginUser;
+    PetscCall(KSPGetAndClearConvergenceTest(ksp, &test_, &context_, &destroy));
+    PetscCall(KSPSetConvergenceTest(ksp, test, this, nullptr));
+    PetscCall(KSPSolve(ksp, rhs, solution));
+    PetscCall(KSPSetConvergenceTest(ksp, test_, context_, destroy));
+    PetscFunctionReturn(0);
+  }
+
+ private:
+  static PetscErrorCode test(KSP ksp, PetscInt iteration, PetscReal norm, KSPConvergedReason* reason, void* context) {
+    auto* self = static_cast<LooseStop*>(context);
+    PetscFunctionBeginUser;
+    PetscCall(self->test_(ksp, iteration, norm, reason, self->context_));
+    if (iteration == 0) self->enough_ = self->rtol_ * norm;
+    if (*reason != KSP_CONVERGED_ITERATING || self->has_asked_ || norm > self->enough_) PetscFunctionReturn(0);
+    self->has_asked_ = true;
+    Vec solution = nullptr;
+    PetscCall(KSPBuildSolution(ksp, nullptr, &solution));
+    PetscCallCXX(self->has_stopped_ = !self->is_worth_more_(solution));
+    if (self->has_stopped_) *reason = KSP_CONVERGED_RTOL;
+    PetscFunctionReturn(0);
+  }
+
+  double rtol_, enough_ = 0;
+  const IsWorthMore& is_worth_more_;
+  bool has_asked_ = false, has_stopped_ = false;
+  PetscErrorCode (*test_)(KSP, PetscInt, PetscReal, KSPConvergedReason*, void*) = nullptr;  ///< For the whole solve.
+  void* context_ = nullptr;
+};
+
+}  // namespace
+
+DirectionSolver::DirectionSolver(const assembly::MechanicsSystem& system, la::Handle<Vec> condensed)
+    : rhs_(std::move(condensed)), condensed_system_(system) {
+  POLYSLIP_PETSC(VecDuplicate(rhs_, solution_.put()));
+}
+
+PetscErrorCode DirectionSolver::run(const la::Handle<KSP>& ksp, Vec f, Vec direction, double rtol, double target, const char* remedy,
+                                    const IsWorthMore& is_worth_more) {
   PetscFunctionBeginUser;
-  PetscCall(run_once(ksp, rhs, solution, rtol, target, remedy));
+  IsWorthMore ask;
+  if (is_worth_more)
+    ask = [&](Vec solution) {
+      condensed_system_.recover(f, solution, direction);
+      return is_worth_more(direction);
+    };
+  PetscCall(run_once(ksp, rtol, target, remedy, ask));
   if (failed_ && is_reused_) {
     PetscCallCXX(set_up_again());
-    PetscCall(run_once(ksp, rhs, solution, rtol, target, remedy));
+    PetscCall(run_once(ksp, rtol, target, remedy, ask));
   }
+  if (!stopped_early_ && iterations_after_setup_ < 0) iterations_after_setup_ = last_iterations_;
+  PetscCallCXX(condensed_system_.recover(f, solution_, direction));
   PetscFunctionReturn(0);
 }
 
-PetscErrorCode DirectionSolver::go_on(const la::Handle<KSP>& ksp, Vec rhs, Vec solution, double target, const char* remedy) {
-  PetscFunctionBeginUser;
-  const int before = last_iterations_;
-  PetscCall(KSPSetInitialGuessNonzero(ksp, PETSC_TRUE));
-  PetscCall(run(ksp, rhs, solution, 0.0, target, remedy));
-  PetscCall(KSPSetInitialGuessNonzero(ksp, PETSC_FALSE));
-  last_iterations_ += before;
-  counts_.max_per_solve = std::max(counts_.max_per_solve, last_iterations_);
-  if (iterations_after_setup_ < 0) iterations_after_setup_ = last_iterations_;
-  PetscFunctionReturn(0);
-}
-
-PetscErrorCode DirectionSolver::run_once(KSP ksp, Vec rhs, Vec solution, double rtol, double target, const char* remedy) {
+PetscErrorCode DirectionSolver::run_once(KSP ksp, double rtol, double target, const char* remedy, const IsWorthMore& is_worth_more) {
   PetscReal user_rtol = 0, dtol = 0;
   PetscInt max_it = 0, its = 0;
   KSPConvergedReason reason = KSP_CONVERGED_ITERATING;
   PetscFunctionBeginUser;
+  const bool asks = rtol > 0 && is_worth_more;
+  LooseStop stop(rtol, is_worth_more);
   PetscCall(KSPGetTolerances(ksp, &user_rtol, nullptr, &dtol, &max_it));
-  PetscCall(KSPSetTolerances(ksp, std::max(rtol, user_rtol), target, dtol, max_it));
-  PetscCall(KSPSolve(ksp, rhs, solution));
+  PetscCall(KSPSetTolerances(ksp, asks ? user_rtol : std::max(rtol, user_rtol), target, dtol, max_it));
+  PetscCall(asks ? stop.solve(ksp, rhs_, solution_) : KSPSolve(ksp, rhs_, solution_));
+  stopped_early_ = asks ? stop.has_stopped() : rtol > 0;
   PetscCall(KSPSetTolerances(ksp, user_rtol, target, dtol, max_it));
   PetscCall(KSPGetConvergedReason(ksp, &reason));
   PetscCall(KSPGetIterationNumber(ksp, &its));

@@ -30,7 +30,7 @@ PetscErrorCode apply_exact(Mat shell, Vec x, Vec y) {
 }  // namespace
 
 LinearSolver::LinearSolver(MechanicsSystem& system)
-    : system_(system), rhs_(system.layout().create_displacement_vector()), solution_(system.layout().create_displacement_vector()), hierarchy_(system) {
+    : DirectionSolver(system, system.layout().create_displacement_vector()), system_(system), hierarchy_(system) {
   const Index n = system.layout().displacement_size();
   POLYSLIP_PETSC(MatCreateShell(system.mesh().comm, n, n, PETSC_DETERMINE, PETSC_DETERMINE, &system, exact_operator_.put()));
   POLYSLIP_PETSC(MatShellSetOperation(exact_operator_, MATOP_MULT, reinterpret_cast<void (*)()>(apply_exact)));
@@ -141,20 +141,12 @@ void LinearSolver::matrix_changed(const std::vector<ContactState>& states, bool 
   set_up_preconditioner(many || costly);
 }
 
-PetscErrorCode LinearSolver::solve(Vec f, Vec direction, const assembly::ResidualNorms& norms, double newton_rtol, bool loose) {
+PetscErrorCode LinearSolver::solve(Vec f, Vec direction, const assembly::ResidualNorms& norms, double newton_rtol, bool loose,
+                                   const IsWorthMore& is_worth_more) {
   PetscFunctionBeginUser;
-  const double rtol = loose && !factorises_ ? loose_rtol_ : 0.0, target = 0.1 * newton_rtol * norms.momentum_scale;
+  const double rtol = loose && !factorises_ ? loose_rtol_ : 0.0, target = enough * newton_rtol * norms.momentum_scale;
   PetscCallCXX(system_.condense_residual(f, rhs_));
-  PetscCall(run(ksp_, rhs_, solution_, rtol, target, memory_remedy));
-  if ((!loose || factorises_) && iterations_after_setup_ < 0) iterations_after_setup_ = last_iterations_;
-  PetscCallCXX(system_.recover(f, solution_, direction));
-  PetscFunctionReturn(0);
-}
-
-PetscErrorCode LinearSolver::refine(Vec f, Vec direction, const assembly::ResidualNorms& norms, double newton_rtol) {
-  PetscFunctionBeginUser;
-  PetscCall(go_on(ksp_, rhs_, solution_, 0.1 * newton_rtol * norms.momentum_scale, memory_remedy));
-  PetscCallCXX(system_.recover(f, solution_, direction));
+  PetscCall(run(ksp_, f, direction, rtol, target, memory_remedy, is_worth_more));
   PetscFunctionReturn(0);
 }
 

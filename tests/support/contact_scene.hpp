@@ -71,7 +71,7 @@ inline la::Handle<Vec> direction_at(assembly::MechanicsSystem& system, solver::D
   system.residual(x, f);
   system.linearise(x, linear.content());
   linear.matrix_changed(system.states(x), false);
-  POLYSLIP_PETSC(linear.solve(f, direction, system.norms(x, f), 1e-9, false));
+  POLYSLIP_PETSC(linear.solve(f, direction, system.norms(x, f), 1e-9, false, {}));
   return direction;
 }
 

@@ -26,9 +26,9 @@ class CoupledSolver final : public DirectionSolver {
   /// A factorisation is made anew in each step unless its matrix is still that; multigrid follows each matrix.
   void start_step() override { starts_step_ = true; }
   void matrix_changed(const std::vector<physics::ContactState>& states, bool everywhere) override;
-  PetscErrorCode solve(Vec f, Vec direction, const assembly::ResidualNorms& norms, double rtol, bool loose) override;
-  [[nodiscard]] bool can_refine() const override { return !factorises_; }
-  PetscErrorCode refine(Vec f, Vec direction, const assembly::ResidualNorms& norms, double rtol) override;
+  PetscErrorCode solve(Vec f, Vec direction, const assembly::ResidualNorms& norms, double rtol, bool loose,
+                       const IsWorthMore& is_worth_more) override;
+  [[nodiscard]] bool stops_early() const override { return !factorises_; }
   [[nodiscard]] const std::string& choice() const override { return choice_; }
   [[nodiscard]] KSP ksp() const { return ksp_; }
 
@@ -54,7 +54,6 @@ class CoupledSolver final : public DirectionSolver {
   la::Handle<Mat> assembled_;       ///< The nest as one AIJ matrix, where a factorisation needs it.
   la::Handle<Mat> fixed_stress_;    ///< S_fs
   la::Handle<Vec> compressibility_; ///< The diagonal that fixed stress adds, on the owned flow unknowns; open fracture faces apart.
-  la::Handle<Vec> rhs_, solution_;
   DisplacementHierarchy hierarchy_;
   assembly::MechanicsSystem::MatrixContent content_ = assembly::MechanicsSystem::MatrixContent::symmetric;
   std::string choice_;

@@ -1,6 +1,7 @@
 // What a Newton iteration on a condensed system asks of its linear solver.
 #pragma once
 
+#include <functional>
 #include <span>
 #include <string>
 #include <vector>
@@ -16,8 +17,12 @@ struct LinearCounts {
   int factorisations = 0;  ///< Those that factorise the whole matrix.
 };
 
+/// Asked of an approximate direction, on all ranks alike: whether it is worth solving for more of it.
+using IsWorthMore = std::function<bool(Vec direction)>;
+
 class DirectionSolver {
  public:
+  DirectionSolver(const assembly::MechanicsSystem& system, la::Handle<Vec> condensed);
   virtual ~DirectionSolver() = default;
 
   /// What `linearise` must write into the matrix for this solver.
@@ -28,12 +33,11 @@ class DirectionSolver {
   /// Tells that the matrix has changed; `states` of the owned faces, `everywhere` if it changed on faces that kept their state too.
   virtual void matrix_changed(const std::vector<physics::ContactState>& states, bool everywhere) = 0;
   /// direction = J^{-1} f, to what `norms` at a relative tolerance rtol ask for; `loose`: not so far, for steps after which the active set
-  /// is likely to change anyway.
-  virtual PetscErrorCode solve(Vec f, Vec direction, const assembly::ResidualNorms& norms, double rtol, bool loose) = 0;
-  /// Whether refine() can make a loose solve a full one.
-  [[nodiscard]] virtual bool can_refine() const = 0;
-  /// Goes on where a loose solve for the same f has stopped, to the accuracy of one that is not loose.
-  virtual PetscErrorCode refine(Vec f, Vec direction, const assembly::ResidualNorms& norms, double rtol) = 0;
+  /// is likely to change anyway. If it is given, the Krylov method asks there whether to go on to the end.
+  virtual PetscErrorCode solve(Vec f, Vec direction, const assembly::ResidualNorms& norms, double rtol, bool loose,
+                               const IsWorthMore& is_worth_more) = 0;
+  /// Whether loose solves stop early.
+  [[nodiscard]] virtual bool stops_early() const = 0;
 
   /// Sentence for the log: what was chosen and why.
   [[nodiscard]] virtual const std::string& choice() const = 0;
@@ -45,11 +49,15 @@ class DirectionSolver {
   [[nodiscard]] const std::string& lack_of_memory() const { return lack_of_memory_; }
 
  protected:
-  /// Solves until the residual is below `target` or below the larger of rtol and the user's relative tolerance, and books that; with another
-  /// preconditioner where an old one fails, which may come with another KSP. `remedy` is what needs less memory.
-  PetscErrorCode run(const la::Handle<KSP>& ksp, Vec rhs, Vec solution, double rtol, double target, const char* remedy);
-  /// Goes on from a solution that a loose run has left, down to `target`, and books the two as one.
-  PetscErrorCode go_on(const la::Handle<KSP>& ksp, Vec rhs, Vec solution, double target, const char* remedy);
+  /// A solve may end at this part of what Newton's method accepts, as scales change and the law bends: a tenth takes a twentieth more
+  /// Krylov iterations, the half at times a Newton iteration more.
+  static constexpr double enough = 0.3;
+
+  /// Solves for rhs_, the condensed f, until the residual is below `target` or below the larger of rtol and the user's relative tolerance,
+  /// and books that; with another preconditioner where an old one fails, which may come with another KSP. `remedy` is what needs less memory.
+  /// If it is given, `is_worth_more` is asked of the direction at rtol: if so the same Krylov method goes on as if rtol were zero.
+  PetscErrorCode run(const la::Handle<KSP>& ksp, Vec f, Vec direction, double rtol, double target, const char* remedy,
+                     const IsWorthMore& is_worth_more);
   /// Sets the preconditioner up for the matrix as it is.
   virtual void set_up_again() = 0;
   /// Takes over the states of the owned faces; returns how many faces, over all ranks, have changed with that: all where there were none
@@ -62,6 +70,7 @@ class DirectionSolver {
   /// Faces, over all ranks, that have opened or closed since they were in the states `earlier`.
   [[nodiscard]] long long parted_since(MPI_Comm comm, const std::vector<physics::ContactState>& earlier) const;
 
+  la::Handle<Vec> rhs_;                                  ///< Condensed.
   std::vector<physics::ContactState> states_of_matrix_;  ///< Of the owned faces.
   LinearCounts counts_;
   int last_iterations_ = 0;
@@ -71,9 +80,12 @@ class DirectionSolver {
   std::string lack_of_memory_;
 
  private:
+  const assembly::MechanicsSystem& condensed_system_;
+  la::Handle<Vec> solution_;
+  bool stopped_early_ = false;                               ///< The last solve, at its rtol.
   std::vector<physics::ContactLinearisation> law_of_setup_;  ///< Of the local faces; where is_as_new_.
 
-  PetscErrorCode run_once(KSP ksp, Vec rhs, Vec solution, double rtol, double target, const char* remedy);
+  PetscErrorCode run_once(KSP ksp, double rtol, double target, const char* remedy, const IsWorthMore& is_worth_more);
 };
 
 }  // namespace polyslip::solver

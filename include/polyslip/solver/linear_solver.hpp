@@ -22,9 +22,9 @@ class LinearSolver final : public DirectionSolver {
   /// changed faces are too many for the Krylov method to make up for, or if this has begun to cost iterations.
   void matrix_changed(const std::vector<physics::ContactState>& states, bool everywhere) override;
   /// `loose`: multigrid stops at 1e-2 (-displacement_loose_rtol) of the right-hand side.
-  PetscErrorCode solve(Vec f, Vec direction, const assembly::ResidualNorms& norms, double rtol, bool loose) override;
-  [[nodiscard]] bool can_refine() const override { return !factorises_; }
-  PetscErrorCode refine(Vec f, Vec direction, const assembly::ResidualNorms& norms, double rtol) override;
+  PetscErrorCode solve(Vec f, Vec direction, const assembly::ResidualNorms& norms, double rtol, bool loose,
+                       const IsWorthMore& is_worth_more) override;
+  [[nodiscard]] bool stops_early() const override { return !factorises_; }
   [[nodiscard]] const std::string& choice() const override { return choice_; }
   [[nodiscard]] KSP ksp() const { return ksp_; }
 
@@ -38,7 +38,6 @@ class LinearSolver final : public DirectionSolver {
   assembly::MechanicsSystem& system_;
   la::Handle<KSP> ksp_;
   la::Handle<Mat> exact_operator_;  ///< Shell: P plus the frictional corrections.
-  la::Handle<Vec> rhs_, solution_;
   DisplacementHierarchy hierarchy_;
   assembly::MechanicsSystem::MatrixContent content_ = assembly::MechanicsSystem::MatrixContent::symmetric;
   std::string choice_;

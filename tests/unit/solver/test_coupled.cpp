@@ -45,7 +45,7 @@ TEST_P(coupled_derivatives, the_direction_solves_the_linearised_rows) {
   system.residual(z, f);
   system.linearise(z, linear.content());
   linear.matrix_changed(system.states(z), true);
-  POLYSLIP_PETSC(linear.solve(f, direction, system.norms(z, f), 1e-14, false));
+  POLYSLIP_PETSC(linear.solve(f, direction, system.norms(z, f), 1e-14, false, {}));
   const double step = 1e-7;
   for (auto [sign, rows] : {std::pair{1.0, plus.get()}, std::pair{-1.0, minus.get()}}) {
     POLYSLIP_PETSC(VecWAXPY(trial, sign * step, direction, z));
@@ -282,22 +282,57 @@ TEST(fixed_stress, is_set_up_anew_where_an_old_one_fails) {
   EXPECT_EQ(linear.counts().setups, 2);
 }
 
-TEST(fixed_stress, goes_on_where_newton_does) {
-  const ScopedOption split("-coupled_pc_type", "fieldsplit");
-  CoupledScene scene({2, "quads"}, {});
+/// The first iteration of a step, by fixed stress.
+struct FirstIteration {
+  const ScopedOption split{"-coupled_pc_type", "fieldsplit"};
+  CoupledScene scene{{2, "quads"}, {}};
   CoupledSystem& system = *scene.system;
   la::Handle<Vec> z = system.create_vector(), f = system.create_vector(), direction = system.create_vector();
-  ASSERT_TRUE(system.begin_step(z, 0.3));
-  scene.flow->set_loads(scene.flow->load_assembler().at(1));
-  system.set_loads(system.load_assembler().at(1));
-  solver::CoupledSolver linear(system);
-  system.residual(z, f);
-  system.linearise(z, linear.content());
-  linear.matrix_changed(system.states(z), true);
+  solver::CoupledSolver linear{system};
+
+  FirstIteration() {
+    EXPECT_TRUE(system.begin_step(z, 0.3));
+    scene.flow->set_loads(scene.flow->load_assembler().at(1));
+    system.set_loads(system.load_assembler().at(1));
+    system.residual(z, f);
+    system.linearise(z, linear.content());
+    linear.matrix_changed(system.states(z), true);
+  }
+
+  int iterations(const assembly::ResidualNorms& norms, bool loose, const solver::IsWorthMore& is_worth_more) {
+    POLYSLIP_PETSC(linear.solve(f, direction, norms, 1e-10, loose, is_worth_more));
+    return linear.last_iterations();
+  }
+};
+
+TEST(fixed_stress, goes_on_where_newton_does) {
+  FirstIteration first;
   assembly::ResidualNorms coarse;
   coarse.momentum_scale = coarse.flow_floor = 1e12;  // nothing is left to do, as far as these say
-  POLYSLIP_PETSC(linear.solve(f, direction, coarse, 1e-10, false));
-  EXPECT_GT(linear.last_iterations(), 0);
+  EXPECT_GT(first.iterations(coarse, false, {}), 0);
+}
+
+TEST(fixed_stress, asks_once_whether_a_loose_direction_is_worth_more) {
+  FirstIteration first;
+  const assembly::ResidualNorms norms = first.system.norms(first.z, first.f);
+  int asked = 0;
+  la::Handle<Vec> loose = first.system.create_vector();
+  const auto ask = [&](bool goes_on) {
+    return [&, goes_on](Vec direction) {
+      ++asked;
+      POLYSLIP_PETSC(VecCopy(direction, loose));
+      return goes_on;
+    };
+  };
+  const int all = first.iterations(norms, false, ask(false)), some = first.iterations(norms, true, {});
+  EXPECT_EQ(asked, 0);
+  EXPECT_LT(some, all);
+  EXPECT_EQ(first.iterations(norms, true, ask(false)), some);
+  EXPECT_EQ(asked, 1);
+  POLYSLIP_PETSC(VecAXPY(loose, -1.0, first.direction));
+  EXPECT_LT(norm(loose), 1e-12 * norm(first.direction)) << "it was asked of another direction";
+  EXPECT_EQ(first.iterations(norms, true, ask(true)), all) << "the Krylov space was thrown away";
+  EXPECT_EQ(asked, 2);
 }
 
 INSTANTIATE_TEST_SUITE_P(every_shape, predicted_steps, testing::ValuesIn(planar_shapes()), ShapeName());
