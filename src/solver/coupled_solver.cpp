@@ -234,7 +234,7 @@ double CoupledSolver::target(const assembly::ResidualNorms& norms, double newton
   const double flow = std::max(norms.flow_floor, newton_rtol * norms.flow_scale) * system_.pressure_scale();
   PetscReal size = 0;
   POLYSLIP_PETSC(VecNorm(rhs_, NORM_2, &size));
-  return enough * std::min({newton_rtol * norms.momentum_scale, flow, size});
+  return enough() * std::min({newton_rtol * norms.momentum_scale, flow, size});
 }
 
 PetscErrorCode CoupledSolver::solve(Vec f, Vec direction, const assembly::ResidualNorms& norms, double newton_rtol, bool loose,

@@ -144,7 +144,7 @@ void LinearSolver::matrix_changed(const std::vector<ContactState>& states, bool 
 PetscErrorCode LinearSolver::solve(Vec f, Vec direction, const assembly::ResidualNorms& norms, double newton_rtol, bool loose,
                                    const IsWorthMore& is_worth_more) {
   PetscFunctionBeginUser;
-  const double rtol = loose && !factorises_ ? loose_rtol_ : 0.0, target = enough * newton_rtol * norms.momentum_scale;
+  const double rtol = loose && !factorises_ ? loose_rtol_ : 0.0, target = enough() * newton_rtol * norms.momentum_scale;
   PetscCallCXX(system_.condense_residual(f, rhs_));
   PetscCall(run(ksp_, f, direction, rtol, target, memory_remedy, is_worth_more));
   PetscFunctionReturn(0);

@@ -1,6 +1,8 @@
 """Consolidation with exact solutions (examples/terzaghi and examples/mandel): pressures against an independent implementation, and orders."""
 
+import tempfile
 import unittest
+from pathlib import Path
 
 from scene_runs import Run, rate
 
@@ -9,6 +11,19 @@ REFERENCE = {
     "terzaghi": {16: 1.272e-2, 32: 3.211e-3, 64: 8.048e-4},
     "mandel": {8: 9.619e-3, 16: 2.368e-3},
 }
+
+SQUEEZED = """
+name: squeezed
+mesh: {box: {min: [0, 0, 0], max: [1, 1, 1], cells: [6, 6, 6], shape: hexahedra}}
+materials: [{young: 1e10, poisson: 0.25, biot: 1, biot_modulus: 1e10, permeability: 1e-15}]
+mechanics:
+  boundary:
+    - {"on": bottom, displacement: [0, 0, 0]}
+    - {"on": top, displacement: ["1e-3*x", "5e-4*y", -1e-3]}
+fluid: {viscosity: 1e-3}
+flow: {initial_pressure: 0, boundary: [{"on": left, pressure: 0}]}
+time: {end: 1, step: 1}
+"""
 
 
 class Consolidation(unittest.TestCase):
@@ -52,6 +67,12 @@ class Consolidation(unittest.TestCase):
         coarse, fine = (Run("mandel", {"study.n": n, "mesh.box.shape": "triangles"}).errors["pressure_l2"] for n in (8, 16))
         self.assertLess(fine, 2 * REFERENCE["mandel"][16])
         self.assertGreater(rate(coarse, fine), 1.8)
+
+    def test_without_fractures_one_solve_is_all_by_multigrid_too(self):
+        with tempfile.TemporaryDirectory() as directory:
+            scene = Path(directory) / "scene.yaml"
+            scene.write_text(SQUEEZED, encoding="utf-8")
+            self.assertEqual(Run(scene, options=("-coupled_pc_type", "fieldsplit")).summary["newton"]["total"], 1)
 
 
 if __name__ == "__main__":

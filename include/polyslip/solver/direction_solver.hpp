@@ -49,9 +49,9 @@ class DirectionSolver {
   [[nodiscard]] const std::string& lack_of_memory() const { return lack_of_memory_; }
 
  protected:
-  /// A solve may end at this part of what Newton's method accepts, as scales change and the law bends: a tenth takes a twentieth more
-  /// Krylov iterations, the half at times a Newton iteration more.
-  static constexpr double enough = 0.3;
+  /// A solve may end at this part of what Newton's method accepts, as scales change and the law bends. With fractures a tenth takes a
+  /// twentieth more Krylov iterations, the half at times a Newton iteration more; without them one solve is to do.
+  [[nodiscard]] double enough() const { return condensed_system_.fracture_faces() > 0 ? 0.3 : 0.1; }
 
   /// Solves for rhs_, the condensed f, until the residual is below `target` or below the larger of rtol and the user's relative tolerance,
   /// and books that; with another preconditioner where an old one fails, which may come with another KSP. `remedy` is what needs less memory.
