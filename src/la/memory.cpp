@@ -17,9 +17,11 @@ namespace {
 /// OpenBLAS takes 32 to 128 MB of addresses, and Open MPI some 200 MB [bytes]; neither says when it gets less.
 constexpr std::size_t needed_at_start = 400'000'000;
 
-/// An error of our own code in a callback comes as PETSC_ERR_LIB with its text; PetscMallocAlign of 3.18 gives its caller's line as the code.
+/// An error of our own code in a callback comes as PETSC_ERR_LIB with its text, as does one of MUMPS while it solves; PetscMallocAlign of 3.18
+/// gives its caller's line as the code.
 bool tells_lack_of_memory(PetscErrorCode code, std::string_view function, std::string_view text) {
-  return code == PETSC_ERR_MEM || function == "PetscMallocAlign" || text.find("bad_alloc") != text.npos || text.find("out of memory") != text.npos;
+  return code == PETSC_ERR_MEM || function == "PetscMallocAlign" || text.find("bad_alloc") != text.npos || text.find("out of memory") != text.npos ||
+         text.find("MUMPS in solve phase: INFOG(1)=-13") != text.npos;
 }
 
 PetscErrorCode handle_error(MPI_Comm comm, int line, const char* function, const char* file, PetscErrorCode code, PetscErrorType kind,
