@@ -35,8 +35,8 @@ class LooseStop {
     auto* self = static_cast<LooseStop*>(context);
     PetscFunctionBeginUser;
     PetscCall(self->test_(ksp, iteration, norm, reason, self->context_));
-    if (iteration == 0) self->enough_ = self->rtol_ * norm;
-    if (*reason != KSP_CONVERGED_ITERATING || self->has_asked_ || norm > self->enough_) PetscFunctionReturn(0);
+    if (iteration == 0) self->loose_norm_ = self->rtol_ * norm;
+    if (*reason != KSP_CONVERGED_ITERATING || self->has_asked_ || norm > self->loose_norm_) PetscFunctionReturn(0);
     self->has_asked_ = true;
     Vec solution = nullptr;
     PetscCall(KSPBuildSolution(ksp, nullptr, &solution));
@@ -45,7 +45,7 @@ class LooseStop {
     PetscFunctionReturn(0);
   }
 
-  double rtol_, enough_ = 0;
+  double rtol_, loose_norm_ = 0;
   const IsWorthMore& is_worth_more_;
   bool has_asked_ = false, has_stopped_ = false;
   PetscErrorCode (*test_)(KSP, PetscInt, PetscReal, KSPConvergedReason*, void*) = nullptr;  ///< For the whole solve.

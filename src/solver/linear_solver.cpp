@@ -50,15 +50,16 @@ void LinearSolver::choose() {
   POLYSLIP_PETSC(KSPGetPC(ksp_, &pc));
   la::default_option(prefix, "pc_factor_mat_solver_type", MATSOLVERMUMPS);
   user_ksp_ = la::user_sets(prefix, "-ksp_type");
-  if (la::user_sets(prefix, "-pc_type")) {
+  const bool user_pc = la::user_sets(prefix, "-pc_type");
+  const bool multigrid = user_pc ? la::user_chooses(prefix, "-pc_type", displacement_multigrid(system_)) : !direct;
+  if (multigrid) default_displacement_multigrid(system_, prefix, 2);
+  if (user_pc) {
     choice_ = "linear solver: as the options say";
-    if (la::user_chooses(prefix, "-pc_type", displacement_multigrid(system_))) default_displacement_multigrid(system_, prefix, 2);
   } else if (direct) {
     POLYSLIP_PETSC(PCSetType(pc, PCCHOLESKY));
     choice_ = fmt::format("linear solver: sparse Cholesky (MUMPS), as {} are at most {}; -displacement_pc_type gamg for multigrid", scene, limit);
   } else {
     POLYSLIP_PETSC(PCSetType(pc, displacement_multigrid(system_)));
-    default_displacement_multigrid(system_, prefix, 2);
     choice_ = fmt::format("linear solver: algebraic multigrid (GAMG) with rigid-body modes, as {} exceed {}; "
                           "-displacement_pc_type cholesky for a factorisation", scene, limit);
   }

@@ -33,10 +33,10 @@ class DirectionSolver {
   /// Tells that the matrix has changed; `states` of the owned faces, `everywhere` if it changed on faces that kept their state too.
   virtual void matrix_changed(const std::vector<physics::ContactState>& states, bool everywhere) = 0;
   /// direction = J^{-1} f, to what `norms` at a relative tolerance rtol ask for; `loose`: not so far, for steps after which the active set
-  /// is likely to change anyway. If it is given, the Krylov method asks there whether to go on to the end.
+  /// is likely to change anyway. There the Krylov method asks, if `is_worth_more` is given, whether to go on to the end.
   virtual PetscErrorCode solve(Vec f, Vec direction, const assembly::ResidualNorms& norms, double rtol, bool loose,
                                const IsWorthMore& is_worth_more) = 0;
-  /// Whether loose solves stop early.
+  /// Whether a loose solve stops early each time: with multigrid. A factorisation does so only while it is older than the matrix.
   [[nodiscard]] virtual bool stops_early() const = 0;
 
   /// Sentence for the log: what was chosen and why.
