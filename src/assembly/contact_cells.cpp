@@ -45,6 +45,7 @@ ContactCells::ContactCells(const mesh::DistributedMesh& mesh, const Layout& layo
     add_cell(mesh, layout, vem, moduli[cell], physics::stabilisation_factor(moduli[cell], stabilisation), number);
   }
   cell_differs_.assign(cells_.size(), 0);
+  has_changed_ = is_stale_ = cell_differs_;
 }
 
 void ContactCells::add_cell(const mesh::DistributedMesh& mesh, const Layout& layout, spaces::VemCell& vem, const physics::Lame& lame,
@@ -122,6 +123,7 @@ void ContactCells::attach_fluid(std::vector<ContactFluid> fluid) {
   symmetric_.clear();
   m_ei_.assign(coupling, 0.0);
   m_ie_.assign(coupling, 0.0);
+  condensed_law_.clear();
 }
 
 std::span<const double> ContactCells::matrix(const std::vector<double>& pool, Index p) const {
@@ -283,29 +285,50 @@ Eigen::MatrixXd inverse_internal(const Eigen::MatrixXd& ii, const Eigen::VectorX
 
 }  // namespace
 
+void ContactCells::set_apertures(std::vector<ApertureLinearisation> apertures) {
+  for (Index f = 0; f < static_cast<Index>(apertures_.size()); ++f)
+    if (faces_[f].cell >= 0 && !(apertures[f] == apertures_[f])) is_stale_[faces_[f].cell] = 1;
+  apertures_ = std::move(apertures);
+}
+
+void ContactCells::condense_cell(Index p, std::span<const physics::ContactLinearisation> law,
+                                 std::span<const physics::ContactLinearisation> symmetric, SaddleBlocks& m) {
+  const Cell& cell = cells_[p];
+  const auto faces = cell_faces_[p];
+  const int ne = block_size(p), ni = 2 * dim_ * cell.n_faces;
+  Eigen::VectorXd scale = Eigen::VectorXd::Ones(ni);
+  for (int f = 0; f < cell.n_faces; ++f) scale.segment(ni / 2 + dim_ * f, dim_).setConstant(faces_[faces[f]].stiffness);
+  blocks(p, law, m);
+  MutableMap inverse(&inverse_[cell.internal], ni, ni);
+  inverse = inverse_internal(m.ii, scale);
+  MutableMap(&m_ei_[cell.coupling], ne, ni) = m.ei;
+  MutableMap(&m_ie_[cell.coupling], ni, ne) = m.ie;
+  MutableMap(&condensed_[cell.condensed], ne, ne) = m.ee - m.ei * (inverse * m.ie);
+  if (cell_differs_[p] == 0) return;
+  symmetric_.resize(condensed_.size());
+  blocks(p, symmetric, m);
+  MutableMap(&symmetric_[cell.condensed], ne, ne) = m.ee - m.ei * (inverse_internal(m.ii, scale) * m.ie);
+}
+
 void ContactCells::condense(std::span<const physics::ContactLinearisation> law, std::span<const physics::ContactLinearisation> symmetric,
                             std::span<const char> differs) {
+  const bool is_first = condensed_law_.empty();
+  const auto is_as_before = [&](Index f) { return law[f].has_derivatives_of(condensed_law_[f]) && differs[f] == condensed_differs_[f]; };
+  const auto is_different = [&](Index f) { return differs[f] != 0; };
   SaddleBlocks m;
   any_difference_ = false;
   for (Index p = 0; p < size(); ++p) {
-    const Cell& cell = cells_[p];
     const auto faces = cell_faces_[p];
-    const int ne = block_size(p), ni = 2 * dim_ * cell.n_faces;
-    Eigen::VectorXd scale = Eigen::VectorXd::Ones(ni);
-    for (int f = 0; f < cell.n_faces; ++f) scale.segment(ni / 2 + dim_ * f, dim_).setConstant(faces_[faces[f]].stiffness);
-    blocks(p, law, m);
-    MutableMap inverse(&inverse_[cell.internal], ni, ni);
-    inverse = inverse_internal(m.ii, scale);
-    MutableMap(&m_ei_[cell.coupling], ne, ni) = m.ei;
-    MutableMap(&m_ie_[cell.coupling], ni, ne) = m.ie;
-    MutableMap(&condensed_[cell.condensed], ne, ne) = m.ee - m.ei * (inverse * m.ie);
-    cell_differs_[p] = std::any_of(faces.begin(), faces.end(), [&](Index f) { return differs[f] != 0; }) ? 1 : 0;
-    if (cell_differs_[p] == 0) continue;
-    any_difference_ = true;
-    symmetric_.resize(condensed_.size());
-    blocks(p, symmetric, m);
-    MutableMap(&symmetric_[cell.condensed], ne, ne) = m.ee - m.ei * (inverse_internal(m.ii, scale) * m.ie);
+    has_changed_[p] = is_first || is_stale_[p] != 0 || !std::all_of(faces.begin(), faces.end(), is_as_before) ? 1 : 0;
+    if (has_changed_[p] != 0) {
+      cell_differs_[p] = std::any_of(faces.begin(), faces.end(), is_different) ? 1 : 0;
+      condense_cell(p, law, symmetric, m);
+      is_stale_[p] = 0;
+    }
+    any_difference_ = any_difference_ || cell_differs_[p] != 0;
   }
+  condensed_law_.assign(law.begin(), law.end());
+  condensed_differs_.assign(differs.begin(), differs.end());
 }
 
 Eigen::VectorXd ContactCells::internal_residual(Index p, std::span<const double> bubble, std::span<const double> contact) const {

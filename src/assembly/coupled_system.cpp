@@ -533,7 +533,7 @@ void CoupledSystem::linearise_apertures(Vec z) {
 
 void CoupledSystem::linearise(Vec z, MatrixContent content) {
   linearise_apertures(z);
-  MechanicsSystem::linearise(z, content);
+  linearise_contact(z, content);
   write_matrices(content);
 }
 

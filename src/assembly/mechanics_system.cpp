@@ -104,11 +104,11 @@ struct EntityList {
   }
 };
 
-/// Adds dense blocks over lists of displacements to the matrix.
+/// Adds dense blocks over lists of displacements to the matrix; only in the rows (owned entities) that are `wanted`, if not empty.
 class BlockInsertion {
  public:
-  BlockInsertion(la::BlockMatrix& matrix, const Layout& layout, std::span<const char> fixed)
-      : matrix_(matrix), layout_(layout), fixed_(fixed) {}
+  BlockInsertion(la::BlockMatrix& matrix, const Layout& layout, std::span<const char> fixed, std::span<const char> wanted = {})
+      : matrix_(matrix), layout_(layout), fixed_(fixed), wanted_(wanted) {}
 
   /// `block` is the leading part of rows of `width` entries; of prescribed displacements only the diagonal entry is kept.
   void add(std::span<const Index> displacements, std::span<const double> block, int width) {
@@ -116,7 +116,7 @@ class BlockInsertion {
     const bool any_fixed = std::any_of(displacements.begin(), displacements.end(), [&](Index i) { return fixed_[i] != 0; });
     for (std::size_t k = 0; k < list_.entities.size(); ++k) {
       const Index row = list_.entities[k];
-      if (row >= matrix_.owned()) continue;
+      if (row >= matrix_.owned() || (!wanted_.empty() && wanted_[row] == 0)) continue;
       const double* entries = &block[static_cast<std::size_t>(list_.begin[k]) * width];
       for (std::size_t l = 0; l < list_.entities.size(); ++l) {
         if (any_fixed)
@@ -142,7 +142,7 @@ class BlockInsertion {
 
   la::BlockMatrix& matrix_;
   const Layout& layout_;
-  std::span<const char> fixed_;
+  std::span<const char> fixed_, wanted_;
   EntityList list_;
 };
 
@@ -279,16 +279,23 @@ void MechanicsSystem::describe_fields() {
                                 normal_field_.put()));
 }
 
+/// Writes the rows of + cells whose blocks are others than those in P.
 void MechanicsSystem::write_contact_rows(MatrixContent content) {
   if (fracture_faces() == 0) return;  // the same on all ranks: what follows is collective
+  const bool all = content == MatrixContent::bulk || content_ == MatrixContent::bulk;
+  std::vector<char> is_new(static_cast<std::size_t>(layout_.owned_entities()), 0);
+  for (Index p = 0; p < cells_.size(); ++p)
+    if (all || cells_.has_changed(p) || (content != content_ && cells_.differs(p)))
+      for (Index i : cells_.displacements(p))
+        if (i < layout_.displacement_size()) is_new[layout_.entity_of(i)] = 1;
   matrix_->begin_writing();
   auto saved = bulk_rows_.begin();
   for (Index row : contact_rows_)
     for (auto values : {matrix_->diagonal_row(row), matrix_->offdiagonal_row(row)}) {
-      std::copy_n(saved, values.size(), values.begin());
+      if (is_new[row] != 0) std::copy_n(saved, values.size(), values.begin());
       saved += static_cast<std::ptrdiff_t>(values.size());
     }
-  BlockInsertion insertion(*matrix_, layout_, fixed());
+  BlockInsertion insertion(*matrix_, layout_, fixed(), is_new);
   for (Index p = 0; content != MatrixContent::bulk && p < cells_.size(); ++p)
     insertion.add(cells_.displacements(p), content == MatrixContent::exact ? cells_.block(p) : cells_.symmetric_block(p),
                   cells_.block_size(p));
@@ -509,10 +516,10 @@ StateCounts MechanicsSystem::count(std::span<const ContactState> states) const {
   return counts;
 }
 
-void MechanicsSystem::linearise(Vec x, MatrixContent content) {
+void MechanicsSystem::linearise_contact(Vec x, MatrixContent content) {
   gather(x, work_);
   for (Index face = 0; face < mesh_.fractures.local(); ++face)
-    if (cells_.faces()[face].cell >= 0) law_[face] = linearise_contact(law_of(face), point(face, work_), augmentation(face));
+    if (cells_.faces()[face].cell >= 0) law_[face] = physics::linearise_contact(law_of(face), point(face, work_), augmentation(face));
   condense_law(content);
 }
 

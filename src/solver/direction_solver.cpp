@@ -114,7 +114,7 @@ void DirectionSolver::is_as_new_for(std::span<const physics::ContactLinearisatio
 }
 
 bool DirectionSolver::is_set_up_for(MPI_Comm comm, std::span<const physics::ContactLinearisation> law) const {
-  const auto same = [](const auto& a, const auto& b) { return a.state == b.state && a.d_lam == b.d_lam && a.d_jump == b.d_jump; };
+  const auto same = [](const auto& a, const auto& b) { return a.has_derivatives_of(b); };
   const bool here = std::equal(law.begin(), law.end(), law_of_setup_.begin(), law_of_setup_.end(), same);
   return is_as_new_ && !mpi::any(comm, !here);
 }

@@ -44,6 +44,8 @@ struct ApertureLinearisation {
   Vec3 d_jump = Vec3::Zero();                 ///< D_d, in the frame of the face [-]
   std::vector<Index> rows;                    ///< Flow unknowns whose rows depend on the aperture beyond storage.
   std::vector<double> values;                 ///< dt d(Hq)_row/d d_f [m2; 2D: m]
+
+  bool operator==(const ApertureLinearisation&) const = default;
 };
 
 /// What stays of a fracture face: geometry, law, the natural size of beta. One a local fracture face that belongs to a + cell here.
@@ -80,7 +82,7 @@ class ContactCells {
   /// Rows (and columns) of a condensed block.
   [[nodiscard]] int block_size(Index p) const { return displacements_.row_size(p) + static_cast<int>(pressures(p).size()); }
   /// For the next condensation, by local fracture face.
-  void set_apertures(std::vector<ApertureLinearisation> apertures) { apertures_ = std::move(apertures); }
+  void set_apertures(std::vector<ApertureLinearisation> apertures);
   /// What the fluid at the pressures q (local flow unknowns) does to the momentum rows of all + cells: added to these.
   void add_fluid_forces(std::span<const double> q, std::span<double> displacement, std::span<double> bubble) const;
   /// b|K| div_K of a state in a + cell [m3; 2D: m2].
@@ -94,10 +96,11 @@ class ContactCells {
   void add_momentum(const MechanicalState& state, std::span<const double> fracture_pressure, std::span<double> displacement,
                     std::span<double> bubble) const;
 
-  /// Condenses every cell for the given derivatives of the contact law (by local fracture face). If `symmetric` derivatives differ on
-  /// some face (friction bounds held), their blocks are condensed too.
+  /// Condenses the cells for the given derivatives of the contact law (by local fracture face); those that are condensed for the same ones
+  /// already stay as they are. If `symmetric` derivatives differ on some face (friction bounds held), their blocks are condensed too.
   void condense(std::span<const physics::ContactLinearisation> law, std::span<const physics::ContactLinearisation> symmetric,
                 std::span<const char> differs);
+  [[nodiscard]] bool has_changed(Index p) const { return has_changed_[p] != 0; }  ///< By the last condensation.
   [[nodiscard]] std::span<const double> block(Index p) const { return matrix(condensed_, p); }          ///< C
   [[nodiscard]] std::span<const double> symmetric_block(Index p) const;                                 ///< C with friction bounds held.
   [[nodiscard]] bool any_difference() const { return any_difference_; }
@@ -131,6 +134,8 @@ class ContactCells {
   [[nodiscard]] int position(const Cell& cell, int e) const { return dim_ * e + (e < cell.n_nodes ? 0 : cell.n_normals); }
   [[nodiscard]] std::span<const double> matrix(const std::vector<double>& pool, Index p) const;
   void blocks(Index p, std::span<const physics::ContactLinearisation> law, SaddleBlocks& m) const;
+  void condense_cell(Index p, std::span<const physics::ContactLinearisation> law, std::span<const physics::ContactLinearisation> symmetric,
+                     SaddleBlocks& m);
   void add_fluid_blocks(Index p, SaddleBlocks& m) const;
   [[nodiscard]] Eigen::VectorXd internal_residual(Index p, std::span<const double> bubble, std::span<const double> contact) const;
 
@@ -144,9 +149,13 @@ class ContactCells {
   std::vector<double> condensed_, symmetric_;
   std::vector<double> inverse_;    ///< M_II^{-1}
   std::vector<double> m_ei_, m_ie_;
-  std::vector<char> cell_differs_;
+  std::vector<char> cell_differs_, has_changed_;
   std::vector<ContactFluid> fluid_;
   std::vector<ApertureLinearisation> apertures_;
+  // What the blocks are condensed for, by local fracture face.
+  std::vector<physics::ContactLinearisation> condensed_law_;
+  std::vector<char> condensed_differs_;
+  std::vector<char> is_stale_;  ///< Whether they are to be condensed in any case; by cell.
   bool any_difference_ = false;
 };
 

@@ -101,8 +101,10 @@ class MechanicsSystem {
   [[nodiscard]] StateCounts count(std::span<const physics::ContactState> states) const;
 
   // --- linearisation ---
-  /// Linearises the contact law at x and condenses; then writes P.
-  virtual void linearise(Vec x, MatrixContent content);
+  /// Linearises the contact law at x and condenses; then writes P, where it changes.
+  void linearise_contact(Vec x, MatrixContent content);
+  /// The same, and all else that depends on x.
+  virtual void linearise(Vec x, MatrixContent content) { linearise_contact(x, content); }
   /// Calls `work` while P is what it is where all fracture faces are open, then writes it again as it was. Collective.
   void with_open_faces(const std::function<void()>& work);
   /// Leaves the bulk alone in P: what is computed then does not depend on earlier linearisations, to the bit.

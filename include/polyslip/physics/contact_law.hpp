@@ -41,6 +41,11 @@ struct ContactLinearisation {
   Eigen::Matrix3d d_lam;    ///< dR/dlam [-]
   Eigen::Matrix3d d_jump;   ///< dR/dJ [Pa/m]
   ContactState state;
+
+  /// Whether it leaves the same entries in a matrix.
+  [[nodiscard]] bool has_derivatives_of(const ContactLinearisation& other) const {
+    return state == other.state && d_lam == other.d_lam && d_jump == other.d_jump;
+  }
 };
 
 /// A face this close to its bound (relative) counts as slipping: at the start of a step |z_t| = a up to rounding where it slipped in the

@@ -120,6 +120,35 @@ TEST_P(linearisation, residual_does_not_depend_on_what_the_matrix_holds) {
   }
 }
 
+TEST_P(linearisation, writes_again_only_what_has_changed_and_comes_to_the_matrix_of_a_new_system) {
+  const assembly::ContactCells& cells = system_.contact_cells();
+  const auto expect_as_new = [&](Content content) {
+    MechanicsSystem fresh(scene_.mesh, scene_.problem);
+    fresh.set_previous_jumps(system_.previous_jumps());
+    fresh.linearise(scene_.x, content);
+    PetscBool same = PETSC_FALSE;
+    POLYSLIP_PETSC(MatEqual(system_.matrix(), fresh.matrix(), &same));
+    EXPECT_TRUE(same);
+  };
+  system_.linearise(scene_.x, Content::exact);
+  for (Content content : {Content::exact, Content::symmetric, Content::symmetric, Content::bulk, Content::exact, Content::symmetric}) {
+    const std::vector<ContactState> states = system_.states(scene_.x);
+    const auto closed = std::find_if(states.begin(), states.end(), [](ContactState state) { return state != ContactState::open; });
+    const auto opened = closed == states.end() ? Index(-1) : static_cast<Index>(closed - states.begin());
+    if (opened >= 0) {
+      const assembly::VecWrite a(scene_.x);
+      a[system_.layout().multiplier_start() + dim_ * opened] = -10;
+    }
+    system_.linearise(scene_.x, content);
+    for (Index p = 0; p < cells.size(); ++p) {
+      const auto faces = cells.faces_of(p);
+      if (std::any_of(faces.begin(), faces.end(), [&](Index f) { return f >= scene_.mesh.fractures.owned; })) continue;
+      EXPECT_EQ(cells.has_changed(p), std::find(faces.begin(), faces.end(), opened) != faces.end());
+    }
+    expect_as_new(content);
+  }
+}
+
 TEST_P(linearisation, jump_is_the_face_mean_of_the_difference_of_sides_plus_the_bubble) {
   // Another affine field on each side; its face means are its values at face centres.
   const AffineField left(dim_);
