@@ -126,7 +126,7 @@ void NonlinearElimination::set_up_window() {
 bool NonlinearElimination::step(Vec x, Vec f) {
   choose_faces();
   if (!choose_rows()) return false;
-  system_.linearise(x, assembly::MechanicsSystem::MatrixContent::exact);
+  system_.linearise_contact(x, assembly::MechanicsSystem::MatrixContent::exact);  // pressures stay as they are
   system_.condense_residual(f, condensed_rows_);
   set_up_window();
   POLYSLIP_PETSC(VecZeroEntries(condensed_direction_));
