@@ -1,5 +1,6 @@
 #include "polyslip/assembly/energy_balance.hpp"
 
+#include <algorithm>
 #include <cmath>
 
 #include "polyslip/assembly/mechanics_fields.hpp"
@@ -29,7 +30,25 @@ struct CellSums {
   double reaction = 0;  ///< Internal forces of cells on prescribed displacements.
 };
 
-/// Over the owned cells; `change` is u^n - u^{n-1}.
+/// 1/2 u.Ku of what is not prescribed, by the product that the momentum rows need anyway. Of this rank's rows.
+double free_elastic_energy(const CoupledSystem& system, Vec z) {
+  const Layout& layout = system.layout();
+  la::Handle<Vec> u = system.create_vector(), force = system.create_vector();
+  POLYSLIP_PETSC(VecCopy(z, u));
+  {
+    const VecWrite values(u);
+    for (Index i = 0; i < layout.displacement_size(); ++i)
+      if (system.fixed()[i]) values[i] = 0;
+    for (Index i = layout.multiplier_start(); i < layout.size(); ++i) values[i] = 0;
+  }
+  system.MechanicsSystem::momentum_action(u, force);
+  const VecRead values(u), rows(force);
+  double sum = 0;
+  for (Index i = 0; i < layout.multiplier_start(); ++i) sum += values[i] * rows[i];
+  return 0.5 * sum;
+}
+
+/// Over the owned cells; `change` is u^n - u^{n-1}. Only cells with prescribed displacements are built again.
 CellSums sum_cells(const CoupledSystem& system, Vec z, Vec change) {
   const mesh::PolyMesh& mesh = system.mesh().mesh;
   const int dim = mesh.dim;
@@ -41,26 +60,29 @@ CellSums sum_cells(const CoupledSystem& system, Vec z, Vec change) {
   spaces::VemCell vem(mesh, system.layout().bubbles());
   std::vector<Index> displacements;
   CellSums sums;
+  sums.elastic = free_elastic_energy(system, z);
   for (Index cell = 0; cell < system.mesh().cells.owned; ++cell) {
+    displacements.clear();
+    system.layout().append_displacements(mesh, cell, displacements);
+    if (std::none_of(displacements.begin(), displacements.end(), [&](Index i) { return system.fixed()[i] != 0; })) continue;
     vem.build(cell);
     const int n = vem.components();
     stiffness.resize(static_cast<std::size_t>(n) * static_cast<std::size_t>(n));
     const physics::Lame& lame = system.moduli()[cell];
     physics::local_stiffness(dim, vem, lame, physics::stabilisation_factor(lame, system.problem().stabilisation), stiffness);
-    const Eigen::VectorXd u = cell_values(state, vem, buffer);
-    Eigen::VectorXd force = Eigen::Map<const Eigen::MatrixXd>(stiffness.data(), n, n) * u;
-    sums.elastic += 0.5 * u.dot(force);
+    const Eigen::Map<const Eigen::MatrixXd> k(stiffness.data(), n, n);
+    const Eigen::VectorXd u = cell_values(state, vem, buffer), du = cell_values(step, vem, buffer), force = k * u;
     const double push = system.flow().rock()[cell].biot * vem.volume() * q[system.flow().layout().cell(cell)];
-    const Eigen::VectorXd du = cell_values(step, vem, buffer);
-    displacements.clear();
-    system.layout().append_displacements(mesh, cell, displacements);
+    Eigen::VectorXd prescribed = Eigen::VectorXd::Zero(n);
     for (int j = 0; j < vem.n_nodes() + vem.n_normals(); ++j)
       for (int a = 0; a < (vem.is_normal(j) ? 1 : dim); ++a) {
         const int i = vem.first_component(j) + a;
         if (!system.fixed()[displacements[i]]) continue;
         const double divergence = vem.is_normal(j) ? vem.c()[j].dot(vem.normal(j)) : vem.c()[j][a];
         sums.reaction += du[i] * (force[i] - push * divergence);
+        prescribed[i] = u[i];
       }
+    sums.elastic += prescribed.dot(force) - 0.5 * prescribed.dot(k * prescribed);
   }
   return sums;
 }
