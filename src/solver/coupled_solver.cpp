@@ -200,9 +200,10 @@ void CoupledSolver::set_up_blocks(bool again) {
     split_displacement(system_, displacement);
     split_pressure(system_.flow(), pressure);
     hierarchy_.set_up(blocks[0]);
-  } else {
+  } else if (displacement_block_is_old_) {
     hierarchy_.follow(blocks[0]);
   }
+  displacement_block_is_old_ = false;
   POLYSLIP_PETSC(PetscFree(blocks));
 }
 
@@ -220,7 +221,9 @@ void CoupledSolver::forget_other_steps() {
 }
 
 void CoupledSolver::matrix_changed(const std::vector<ContactState>& states, bool everywhere) {
-  changed_since_setup_ += take_over(system_.mesh().comm, states, everywhere);
+  const long long changed = take_over(system_.mesh().comm, states, everywhere);
+  changed_since_setup_ += changed;
+  displacement_block_is_old_ = changed > 0 || starts_step_;
   if (starts_step_) forget_other_steps();
   const bool many = changed_since_setup_ * system_.layout().dim() > 30;
   const bool costly = iterations_after_setup_ >= 0 && last_iterations_ > 1.5 * iterations_after_setup_ + 3;
