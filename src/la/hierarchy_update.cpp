@@ -1,6 +1,7 @@
 #include "polyslip/la/hierarchy_update.hpp"
 
 #include <algorithm>
+#include <array>
 #include <utility>
 
 #include "polyslip/la/field_split.hpp"
@@ -8,6 +9,12 @@
 namespace polyslip::la {
 
 namespace {
+
+MPI_Comm comm_of(Mat matrix) {
+  MPI_Comm comm = MPI_COMM_NULL;
+  POLYSLIP_PETSC(PetscObjectGetComm(reinterpret_cast<PetscObject>(matrix), &comm));
+  return comm;
+}
 
 /// A matrix of the layout of `like` with the entries of the given rows only, all zero.
 Handle<Mat> rows_of(Mat like, const std::vector<PetscInt>& rows) {
@@ -24,9 +31,7 @@ Handle<Mat> rows_of(Mat like, const std::vector<PetscInt>& rows) {
     POLYSLIP_PETSC(MatRestoreRow(like, row, &n, &columns, nullptr));
   }
   Handle<Mat> matrix;
-  MPI_Comm comm = MPI_COMM_NULL;
-  POLYSLIP_PETSC(PetscObjectGetComm(reinterpret_cast<PetscObject>(like), &comm));
-  POLYSLIP_PETSC(MatCreateAIJ(comm, end - begin, end_column - first_column, rows_total, columns_total, 0, diagonal.data(), 0,
+  POLYSLIP_PETSC(MatCreateAIJ(comm_of(like), end - begin, end_column - first_column, rows_total, columns_total, 0, diagonal.data(), 0,
                               off_diagonal.data(), matrix.put()));
   return matrix;
 }
@@ -78,14 +83,36 @@ PetscInt levels_of(PC hierarchy) {
 }
 
 /// The smoothers of the coarsest levels. A Chebyshev smoother would take over a matrix that has changed in place with the
-/// eigenvalues of the old one, unless it is told. Old ones on the finest level alone save a tenth of the time, and where open faces come to
-/// stick cost four times the iterations (tets of poromechanics_3d).
+/// eigenvalues of the old one, unless it is told. Old ones on the finest level alone, where open faces come to stick, cost four times the
+/// iterations (tets of poromechanics_3d).
 void set_up_smoothers(PC hierarchy, PetscInt levels) {
   for (PetscInt level = 0; level < levels; ++level) {
     const auto [smoother, matrix] = level_of(hierarchy, level);
     POLYSLIP_PETSC(KSPSetOperators(smoother, matrix, matrix));
     POLYSLIP_PETSC(KSPSetUp(smoother));
   }
+}
+
+/// Where -..._esteig sets the interval of a Chebyshev smoother from the largest eigenvalue alone: its ends relative to that.
+std::optional<std::pair<double, double>> chebyshev_interval(KSP smoother) {
+  PetscBool is_chebyshev = PETSC_FALSE, is_set = PETSC_FALSE;
+  const char* prefix = nullptr;
+  std::array<PetscReal, 4> transform{};  // smallest end: of the smallest and of the largest eigenvalue; the largest end likewise
+  PetscInt n = transform.size();
+  POLYSLIP_PETSC(PetscObjectTypeCompare(reinterpret_cast<PetscObject>(smoother), KSPCHEBYSHEV, &is_chebyshev));
+  POLYSLIP_PETSC(KSPGetOptionsPrefix(smoother, &prefix));
+  POLYSLIP_PETSC(PetscOptionsGetRealArray(nullptr, prefix, "-ksp_chebyshev_esteig", transform.data(), &n, &is_set));
+  if (!is_chebyshev || !is_set || n != 4 || transform[0] != 0 || transform[2] != 0) return {};
+  return std::pair{transform[1], transform[3]};
+}
+
+/// As a solved KSP that computes eigenvalues saw it.
+double largest_eigenvalue(KSP ksp) {
+  PetscInt n = 0;
+  POLYSLIP_PETSC(KSPGetIterationNumber(ksp, &n));
+  std::vector<PetscReal> real(static_cast<std::size_t>(n) + 1), imaginary(real.size());
+  POLYSLIP_PETSC(KSPComputeEigenvalues(ksp, static_cast<PetscInt>(real.size()), real.data(), imaginary.data(), &n));
+  return n > 0 ? *std::max_element(real.begin(), real.begin() + n) : 0;
 }
 
 }  // namespace
@@ -111,11 +138,56 @@ bool HierarchyUpdate::can_update(PC pc) {
   return levels_of(pc) > 1;
 }
 
-void HierarchyUpdate::is_set_up() {
+void HierarchyUpdate::is_set_up(PC pc) {
   fine_rows_ = {};
   coarse_changes_.clear();
   coarse_rows_.clear();
   for (PetscInt row : rows_) fine_rows_.keep(fine_, row);
+  describe_smoother(level_of(pc, levels_of(pc) - 1).first);
+}
+
+void HierarchyUpdate::describe_smoother(KSP smoother) {
+  constexpr double few = 1.0 / 3;  // rows that are looked at again in less time than all
+  interval_ = chebyshev_interval(smoother);
+  PetscInt all = 0, changing = 0;
+  POLYSLIP_PETSC(MatGetSize(fine_, &all, nullptr));
+  POLYSLIP_PETSC(ISCreateGeneral(comm_of(fine_), static_cast<PetscInt>(rows_.size()), rows_.data(), PETSC_COPY_VALUES, rows_that_change_.put()));
+  POLYSLIP_PETSC(ISGetSize(rows_that_change_, &changing));
+  KSP estimate = nullptr;
+  PC pc = nullptr, its_pc = nullptr;
+  const char* prefix = nullptr;
+  if (interval_) POLYSLIP_PETSC(KSPChebyshevEstEigGetKSP(smoother, &estimate));
+  if (estimate == nullptr || changing == 0 || changing > few * all) {  // none where the options give the eigenvalues
+    interval_.reset();
+    return;
+  }
+  eigenvalue_ = largest_eigenvalue(estimate);
+  // The same estimate with the same preconditioner, whatever the options say.
+  POLYSLIP_PETSC(MatCreateSubMatrix(fine_, rows_that_change_, rows_that_change_, MAT_INITIAL_MATRIX, block_.put()));
+  POLYSLIP_PETSC(KSPCreate(comm_of(fine_), block_estimate_.put()));
+  POLYSLIP_PETSC(KSPGetOptionsPrefix(estimate, &prefix));
+  POLYSLIP_PETSC(KSPSetOptionsPrefix(block_estimate_, prefix));
+  POLYSLIP_PETSC(KSPGetPC(smoother, &its_pc));
+  POLYSLIP_PETSC(PCGetOptionsPrefix(its_pc, &prefix));
+  POLYSLIP_PETSC(KSPGetPC(block_estimate_, &pc));
+  POLYSLIP_PETSC(KSPSetOperators(block_estimate_, block_, block_));
+  POLYSLIP_PETSC(KSPSetType(block_estimate_, KSPGMRES));
+  POLYSLIP_PETSC(KSPSetTolerances(block_estimate_, 1e-12, 0.0, PETSC_DEFAULT, 10));  // PETSc's own
+  POLYSLIP_PETSC(KSPSetFromOptions(block_estimate_));
+  POLYSLIP_PETSC(PCSetOptionsPrefix(pc, prefix));
+  POLYSLIP_PETSC(PCSetFromOptions(pc));
+  POLYSLIP_PETSC(KSPSetComputeEigenvalues(block_estimate_, PETSC_TRUE));
+}
+
+double HierarchyUpdate::eigenvalue_of_changing_rows() {
+  Mat block = block_;
+  la::Handle<Vec> noise, solution;
+  POLYSLIP_PETSC(MatCreateSubMatrix(fine_, rows_that_change_, rows_that_change_, MAT_REUSE_MATRIX, &block));
+  POLYSLIP_PETSC(MatCreateVecs(block, solution.put(), noise.put()));
+  POLYSLIP_PETSC(VecSetRandom(noise, nullptr));
+  POLYSLIP_PETSC(KSPSetOperators(block_estimate_, block, block));
+  POLYSLIP_PETSC(KSPSolve(block_estimate_, noise, solution));
+  return largest_eigenvalue(block_estimate_);
 }
 
 void HierarchyUpdate::write_change() {
@@ -182,6 +254,10 @@ void HierarchyUpdate::apply(PC pc) {
     }
     POLYSLIP_PETSC(MatAXPY(operator_matrix, 1.0, coarse, SUBSET_NONZERO_PATTERN));
     change = coarse;
+  }
+  if (interval_) {
+    const double largest = std::max(eigenvalue_, eigenvalue_of_changing_rows());
+    POLYSLIP_PETSC(KSPChebyshevSetEigenvalues(level_of(pc, levels - 1).first, interval_->second * largest, interval_->first * largest));
   }
   set_up_smoothers(pc, levels);
 }

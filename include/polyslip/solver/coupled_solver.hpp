@@ -23,7 +23,7 @@ class CoupledSolver final : public DirectionSolver {
   explicit CoupledSolver(assembly::CoupledSystem& system);
 
   [[nodiscard]] assembly::MechanicsSystem::MatrixContent content() const override { return content_; }
-  /// A factorisation is made anew in each step unless its matrix is still that; multigrid follows each matrix.
+  /// A factorisation is made anew in each step unless its matrix is still that; multigrid follows where faces change their states.
   void start_step() override { starts_step_ = true; }
   void matrix_changed(const std::vector<physics::ContactState>& states, bool everywhere) override;
   PetscErrorCode solve(Vec f, Vec direction, const assembly::ResidualNorms& norms, double rtol, bool loose,

@@ -2,6 +2,7 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <string>
 #include <tuple>
 #include <vector>
 
@@ -60,8 +61,11 @@ std::vector<double> coarse_diagonal(PC pc, PetscInt level) {
 
 class hierarchy : public testing::Test {
  protected:
-  hierarchy() : matrix_(line_of_springs()) {
+  explicit hierarchy(const std::string& prefix = "", const std::string& options = "") : matrix_(line_of_springs()) {
+    POLYSLIP_PETSC(PetscOptionsInsertString(nullptr, options.c_str()));
     POLYSLIP_PETSC(KSPCreate(PETSC_COMM_SELF, ksp_.put()));
+    POLYSLIP_PETSC(KSPSetOptionsPrefix(ksp_, prefix.c_str()));
+    POLYSLIP_PETSC(KSPSetFromOptions(ksp_));
     POLYSLIP_PETSC(KSPSetOperators(ksp_, matrix_, matrix_));
     POLYSLIP_PETSC(KSPGetPC(ksp_, &pc_));
     POLYSLIP_PETSC(PCSetType(pc_, PCGAMG));
@@ -92,7 +96,7 @@ TEST_F(hierarchy, smooths_with_the_eigenvalues_of_the_rows_at_hand) {
   ASSERT_GT(levels_, 1);
   const PetscInt row = dim * nodes / 2;
   la::HierarchyUpdate update(matrix_, {row});
-  update.is_set_up();
+  update.is_set_up(pc_);
   for (PetscInt level = 1; level < levels_; ++level) {
     KSP smoother = nullptr, estimate = nullptr;
     PetscInt before = 0, after = 0;
@@ -106,6 +110,44 @@ TEST_F(hierarchy, smooths_with_the_eigenvalues_of_the_rows_at_hand) {
     POLYSLIP_PETSC(KSPGetTotalIterations(estimate, &after));
     EXPECT_GT(after, before) << "level " << level << " still has those of the set-up";
   }
+}
+
+/// Without a preconditioner the smoother feels a stiff spring most.
+struct hierarchy_of_few_changing_rows : hierarchy {
+  hierarchy_of_few_changing_rows()
+      : hierarchy("few_", "-few_mg_levels_ksp_chebyshev_esteig 0,0.3,0,1.1 -few_mg_levels_pc_type none -few_ksp_type cg -few_ksp_max_it 60") {}
+};
+
+TEST_F(hierarchy_of_few_changing_rows, takes_the_largest_eigenvalue_from_them) {
+  ASSERT_GT(levels_, 1);
+  const PetscInt row = dim * nodes / 2, next = row + dim;
+  la::HierarchyUpdate update(matrix_, {row, next});
+  update.is_set_up(pc_);
+  la::Handle<Vec> x, b;
+  POLYSLIP_PETSC(MatCreateVecs(matrix_, x.put(), b.put()));
+  POLYSLIP_PETSC(VecSetRandom(b, nullptr));
+  POLYSLIP_PETSC(KSPSetReusePreconditioner(ksp_, PETSC_TRUE));
+  const auto iterations = [&] {
+    PetscInt n = 0;
+    KSPConvergedReason reason = KSP_CONVERGED_ITERATING;
+    POLYSLIP_PETSC(KSPSolve(ksp_, b, x));
+    POLYSLIP_PETSC(KSPGetConvergedReason(ksp_, &reason));
+    POLYSLIP_PETSC(KSPGetIterationNumber(ksp_, &n));
+    EXPECT_GT(reason, 0);
+    return n;
+  };
+  const auto iterations_with_spring = [&](double k) {
+    for (const auto& [i, j, value] : {std::tuple{row, row, k}, {next, next, k}, {row, next, -k}, {next, row, -k}})
+      POLYSLIP_PETSC(MatSetValue(matrix_, i, j, value, ADD_VALUES));
+    POLYSLIP_PETSC(MatAssemblyBegin(matrix_, MAT_FINAL_ASSEMBLY));
+    POLYSLIP_PETSC(MatAssemblyEnd(matrix_, MAT_FINAL_ASSEMBLY));
+    update.apply(pc_);
+    return iterations();
+  };
+  const PetscInt at_set_up = iterations();
+  EXPECT_EQ(iterations_with_spring(0), at_set_up);
+  EXPECT_GT(iterations_with_spring(100), at_set_up);
+  EXPECT_EQ(iterations_with_spring(-100), at_set_up) << "what was stiff in between must leave nothing";
 }
 
 }  // namespace
