@@ -4,7 +4,8 @@ import ctypes
 import ctypes.util
 
 identifier = ctypes.c_int64
-library = ctypes.CDLL(ctypes.util.find_library("hdf5_openmpi") or "libhdf5_openmpi.so")
+# PyDLL: one call at a time, as this build of HDF5 is not made for threads (scripts/stress --jobs).
+library = ctypes.PyDLL(ctypes.util.find_library("hdf5_openmpi") or "libhdf5_openmpi.so")
 for name, arguments in {
     "H5Fopen": (ctypes.c_char_p, ctypes.c_uint, identifier),
     "H5Fclose": (identifier,),
