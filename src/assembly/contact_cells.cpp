@@ -45,7 +45,8 @@ ContactCells::ContactCells(const mesh::DistributedMesh& mesh, const Layout& layo
     add_cell(mesh, layout, vem, moduli[cell], physics::stabilisation_factor(moduli[cell], stabilisation), number);
   }
   cell_differs_.assign(cells_.size(), 0);
-  has_changed_ = is_stale_ = cell_differs_;
+  has_changed_ = cell_differs_;
+  is_stale_.assign(cells_.size(), 1);
 }
 
 void ContactCells::add_cell(const mesh::DistributedMesh& mesh, const Layout& layout, spaces::VemCell& vem, const physics::Lame& lame,
@@ -123,7 +124,7 @@ void ContactCells::attach_fluid(std::vector<ContactFluid> fluid) {
   symmetric_.clear();
   m_ei_.assign(coupling, 0.0);
   m_ie_.assign(coupling, 0.0);
-  condensed_law_.clear();
+  std::fill(is_stale_.begin(), is_stale_.end(), 1);
 }
 
 std::span<const double> ContactCells::matrix(const std::vector<double>& pool, Index p) const {
@@ -312,14 +313,13 @@ void ContactCells::condense_cell(Index p, std::span<const physics::ContactLinear
 
 void ContactCells::condense(std::span<const physics::ContactLinearisation> law, std::span<const physics::ContactLinearisation> symmetric,
                             std::span<const char> differs) {
-  const bool is_first = condensed_law_.empty();
   const auto is_as_before = [&](Index f) { return law[f].has_derivatives_of(condensed_law_[f]) && differs[f] == condensed_differs_[f]; };
   const auto is_different = [&](Index f) { return differs[f] != 0; };
   SaddleBlocks m;
   any_difference_ = false;
   for (Index p = 0; p < size(); ++p) {
     const auto faces = cell_faces_[p];
-    has_changed_[p] = is_first || is_stale_[p] != 0 || !std::all_of(faces.begin(), faces.end(), is_as_before) ? 1 : 0;
+    has_changed_[p] = is_stale_[p] != 0 || !std::all_of(faces.begin(), faces.end(), is_as_before) ? 1 : 0;
     if (has_changed_[p] != 0) {
       cell_differs_[p] = std::any_of(faces.begin(), faces.end(), is_different) ? 1 : 0;
       condense_cell(p, law, symmetric, m);

@@ -155,7 +155,7 @@ class ContactCells {
   // What the blocks are condensed for, by local fracture face.
   std::vector<physics::ContactLinearisation> condensed_law_;
   std::vector<char> condensed_differs_;
-  std::vector<char> is_stale_;  ///< Whether they are to be condensed in any case; by cell.
+  std::vector<char> is_stale_;  ///< By cell: condensed for nothing yet, or for other apertures.
   bool any_difference_ = false;
 };
 
