@@ -147,12 +147,12 @@ bool CoupledSolver::fixed_stress_is_stale() const {
   return starts_step_ ? parted > 0 : 20 * parted > system_.fracture_faces();
 }
 
-void CoupledSolver::set_up(bool again) {
+void CoupledSolver::set_up(bool again, bool moved) {
   is_reused_ = !again && !is_factorised();
   if (factorises_)
     set_up_direct(again);
   else if (fixed_stress_.get() != nullptr)
-    set_up_blocks(again);
+    set_up_blocks(again, moved);
   else
     la::reuse_preconditioner(ksp_, !again);
   if (!again) return;
@@ -180,7 +180,7 @@ void CoupledSolver::set_up_direct(bool again) {
   POLYSLIP_PETSC(KSPSetOperators(ksp_, nest, assembled_));
 }
 
-void CoupledSolver::set_up_blocks(bool again) {
+void CoupledSolver::set_up_blocks(bool again, bool moved) {
   if (again && has_preconditioner_) choose();  // for the interpolation is kept otherwise
   if (again || fixed_stress_is_stale()) write_fixed_stress();  // the pressure block sets itself up when its matrix has changed
   if (again) {
@@ -200,10 +200,9 @@ void CoupledSolver::set_up_blocks(bool again) {
     split_displacement(system_, displacement);
     split_pressure(system_.flow(), pressure);
     hierarchy_.set_up(blocks[0]);
-  } else if (displacement_block_is_old_) {
+  } else if (moved) {
     hierarchy_.follow(blocks[0]);
   }
-  displacement_block_is_old_ = false;
   POLYSLIP_PETSC(PetscFree(blocks));
 }
 
@@ -223,12 +222,11 @@ void CoupledSolver::forget_other_steps() {
 void CoupledSolver::matrix_changed(const std::vector<ContactState>& states, bool everywhere) {
   const long long changed = take_over(system_.mesh().comm, states, everywhere);
   changed_since_setup_ += changed;
-  displacement_block_is_old_ = changed > 0 || starts_step_;
   if (starts_step_) forget_other_steps();
   const bool many = changed_since_setup_ * system_.layout().dim() > 30;
   const bool costly = iterations_after_setup_ >= 0 && last_iterations_ > 1.5 * iterations_after_setup_ + 3;
   const bool again = factorises_ ? many || costly : fixed_stress_.get() == nullptr;  // blocks follow the matrix
-  set_up(!has_preconditioner_ || again);
+  set_up(!has_preconditioner_ || again, changed > 0 || starts_step_);
   starts_step_ = false;
 }
 

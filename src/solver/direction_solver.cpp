@@ -114,8 +114,7 @@ void DirectionSolver::is_as_new_for(std::span<const physics::ContactLinearisatio
 }
 
 bool DirectionSolver::is_set_up_for(MPI_Comm comm, std::span<const physics::ContactLinearisation> law) const {
-  const auto same = [](const auto& a, const auto& b) { return a.has_derivatives_of(b); };
-  const bool here = std::equal(law.begin(), law.end(), law_of_setup_.begin(), law_of_setup_.end(), same);
+  const bool here = std::ranges::equal(law, law_of_setup_, &physics::ContactLinearisation::has_derivatives_of);
   return is_as_new_ && !mpi::any(comm, !here);
 }
 

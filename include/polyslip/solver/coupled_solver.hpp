@@ -33,12 +33,13 @@ class CoupledSolver final : public DirectionSolver {
   [[nodiscard]] KSP ksp() const { return ksp_; }
 
  private:
-  void set_up_again() override { set_up(true); }
+  void set_up_again() override { set_up(true, true); }
   void choose();
   void split_fields(PC pc);
-  void set_up(bool again);
+  /// For the matrix at hand: `again` from the start, else what follows it; of displacement only if that has `moved`.
+  void set_up(bool again, bool moved);
   void set_up_direct(bool again);
-  void set_up_blocks(bool again);
+  void set_up_blocks(bool again, bool moved);
   void forget_other_steps();
   /// Whether a factorisation is that of the matrix at hand: by the law of contact and the matrix of flow. Where fractures conduct, their
   /// apertures enter too, and change.
@@ -59,7 +60,6 @@ class CoupledSolver final : public DirectionSolver {
   std::string choice_;
   PetscReal loose_rtol_ = 1e-2;  ///< -coupled_loose_rtol: of multigrid and of an old factorisation
   bool factorises_ = false, has_preconditioner_ = false, starts_step_ = false;
-  bool displacement_block_is_old_ = false;  ///< Some face has changed its state, or a step has begun, since it was set up.
   std::vector<physics::ContactState> states_of_fixed_stress_;  ///< Of the owned faces.
   long long changed_since_setup_ = 0, flow_of_setup_ = -1;  ///< The latter is a CoupledSystem::flow_matrix_version.
 };
