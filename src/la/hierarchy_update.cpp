@@ -155,7 +155,7 @@ void HierarchyUpdate::describe_smoother(KSP smoother) {
   POLYSLIP_PETSC(ISGetSize(rows_that_change_, &changing));
   KSP estimate = nullptr;
   PC pc = nullptr, its_pc = nullptr;
-  const char* prefix = nullptr;
+  const char *prefix = nullptr, *type = nullptr;
   if (interval_) POLYSLIP_PETSC(KSPChebyshevEstEigGetKSP(smoother, &estimate));
   if (estimate == nullptr || changing == 0 || changing > few * all) {  // none where the options give the eigenvalues
     interval_.reset();
@@ -163,17 +163,18 @@ void HierarchyUpdate::describe_smoother(KSP smoother) {
   }
   eigenvalue_ = largest_eigenvalue(estimate);
   // The same estimate with the same preconditioner, whatever the options say.
-  POLYSLIP_PETSC(MatCreateSubMatrix(fine_, rows_that_change_, rows_that_change_, MAT_INITIAL_MATRIX, block_.put()));
+  block_.reset();
   POLYSLIP_PETSC(KSPCreate(comm_of(fine_), block_estimate_.put()));
   POLYSLIP_PETSC(KSPGetOptionsPrefix(estimate, &prefix));
   POLYSLIP_PETSC(KSPSetOptionsPrefix(block_estimate_, prefix));
   POLYSLIP_PETSC(KSPGetPC(smoother, &its_pc));
   POLYSLIP_PETSC(PCGetOptionsPrefix(its_pc, &prefix));
+  POLYSLIP_PETSC(PCGetType(its_pc, &type));
   POLYSLIP_PETSC(KSPGetPC(block_estimate_, &pc));
-  POLYSLIP_PETSC(KSPSetOperators(block_estimate_, block_, block_));
   POLYSLIP_PETSC(KSPSetType(block_estimate_, KSPGMRES));
   POLYSLIP_PETSC(KSPSetTolerances(block_estimate_, 1e-12, 0.0, PETSC_DEFAULT, 10));  // PETSc's own
   POLYSLIP_PETSC(KSPSetFromOptions(block_estimate_));
+  POLYSLIP_PETSC(PCSetType(pc, type));
   POLYSLIP_PETSC(PCSetOptionsPrefix(pc, prefix));
   POLYSLIP_PETSC(PCSetFromOptions(pc));
   POLYSLIP_PETSC(KSPSetComputeEigenvalues(block_estimate_, PETSC_TRUE));
@@ -181,8 +182,10 @@ void HierarchyUpdate::describe_smoother(KSP smoother) {
 
 double HierarchyUpdate::eigenvalue_of_changing_rows() {
   Mat block = block_;
-  la::Handle<Vec> noise, solution;
-  POLYSLIP_PETSC(MatCreateSubMatrix(fine_, rows_that_change_, rows_that_change_, MAT_REUSE_MATRIX, &block));
+  Handle<Vec> noise, solution;
+  const bool is_first = block == nullptr;
+  POLYSLIP_PETSC(MatCreateSubMatrix(fine_, rows_that_change_, rows_that_change_, is_first ? MAT_INITIAL_MATRIX : MAT_REUSE_MATRIX, &block));
+  if (is_first) block_ = Handle<Mat>(block);
   POLYSLIP_PETSC(MatCreateVecs(block, solution.put(), noise.put()));
   POLYSLIP_PETSC(VecSetRandom(noise, nullptr));
   POLYSLIP_PETSC(KSPSetOperators(block_estimate_, block, block));
