@@ -7,8 +7,19 @@
 
 namespace polyslip::la {
 
+namespace {
+
+bool memory_has_run_out = false;
+
+}  // namespace
+
+bool solvers_are_whole() { return !memory_has_run_out; }
+
 void fail(PetscErrorCode code, const char* where) {
-  if (code == PETSC_ERR_MEM) throw ResourceError(mpi::out_of_memory());
+  if (code == PETSC_ERR_MEM) {
+    memory_has_run_out = true;
+    throw ResourceError(mpi::out_of_memory());
+  }
   throw std::runtime_error(fmt::format("PETSc error {} in {}", static_cast<int>(code), where));
 }
 

@@ -21,6 +21,10 @@ inline void check(PetscErrorCode code, const char* where) {
   if (code != 0) fail(code, where);
 }
 
+/// False once PETSc has reported lack of memory: it may leave a solver with work vectors that are half made (FGMRES, 3.18), and to destroy
+/// that is to jump to nowhere. The run ends then, and the system frees it.
+[[nodiscard]] bool solvers_are_whole();
+
 template <class T>
 struct Destroyer;
 
@@ -28,9 +32,9 @@ struct Destroyer;
 template <> struct Destroyer<Mat> { static void apply(Mat* o) { (void)MatDestroy(o); } };
 template <> struct Destroyer<Vec> { static void apply(Vec* o) { (void)VecDestroy(o); } };
 template <> struct Destroyer<IS> { static void apply(IS* o) { (void)ISDestroy(o); } };
-template <> struct Destroyer<KSP> { static void apply(KSP* o) { (void)KSPDestroy(o); } };
+template <> struct Destroyer<KSP> { static void apply(KSP* o) { if (solvers_are_whole()) (void)KSPDestroy(o); } };
 template <> struct Destroyer<PC> { static void apply(PC* o) { (void)PCDestroy(o); } };
-template <> struct Destroyer<SNES> { static void apply(SNES* o) { (void)SNESDestroy(o); } };
+template <> struct Destroyer<SNES> { static void apply(SNES* o) { if (solvers_are_whole()) (void)SNESDestroy(o); } };
 template <> struct Destroyer<DM> { static void apply(DM* o) { (void)DMDestroy(o); } };
 template <> struct Destroyer<PetscSF> { static void apply(PetscSF* o) { (void)PetscSFDestroy(o); } };
 template <> struct Destroyer<MatNullSpace> { static void apply(MatNullSpace* o) { (void)MatNullSpaceDestroy(o); } };
