@@ -13,7 +13,7 @@
 #include "polyslip/common/mpi.hpp"
 #include "polyslip/la/memory.hpp"
 #include "polyslip/scene/run.hpp"
-#include "polyslip/solver/active_set_search.hpp"
+#include "polyslip/solver/registration.hpp"
 
 using namespace polyslip;
 
@@ -30,7 +30,7 @@ class PetscSession {
     mpi::choose_file_layer();
     if (PetscInitialize(&argc, &argv, nullptr, nullptr) != 0) throw std::runtime_error("PETSc does not start");
     la::return_lack_of_memory();
-    if (solver::register_active_set_search() != 0) throw std::runtime_error("the line search cannot be registered");
+    if (solver::register_types() != 0) throw std::runtime_error("its types cannot be registered with PETSc");
   }
   ~PetscSession() { (void)PetscFinalize(); }
   PetscSession(const PetscSession&) = delete;

@@ -4,6 +4,7 @@
 
 #include "polyslip/common/mpi.hpp"
 #include "polyslip/la/field_split.hpp"
+#include "polyslip/la/incomplete_cholesky.hpp"
 #include "polyslip/la/options.hpp"
 #include "polyslip/la/reuse.hpp"
 
@@ -55,8 +56,7 @@ void default_displacement_multigrid(const assembly::MechanicsSystem& system, con
   la::default_option(p, "mg_levels_ksp_chebyshev_esteig", "0,0.3,0,1.1");
   la::default_option(p, "mg_levels_esteig_ksp_max_it", "5");
   // Jacobi's smoother takes two to three times the iterations, the more so beside fractures, where rows differ in size.
-  la::default_option(p, "mg_levels_pc_type", "bjacobi");
-  la::default_option(p, "mg_levels_sub_pc_type", "icc");
+  la::default_option(p, "mg_levels_pc_type", la::block_icc);
 }
 
 void split_displacement(const assembly::MechanicsSystem& system, PC pc) {

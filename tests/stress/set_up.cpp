@@ -6,11 +6,11 @@
 #include "polyslip/mesh/distributed_mesh.hpp"
 #include "polyslip/scene/model.hpp"
 #include "polyslip/scene/prepare.hpp"
-#include "polyslip/solver/active_set_search.hpp"
+#include "polyslip/solver/registration.hpp"
 
 namespace polyslip::stress {
 
-void prepare() { POLYSLIP_PETSC(solver::register_active_set_search()); }
+void prepare() { POLYSLIP_PETSC(solver::register_types()); }
 
 void set_up(const scene::Scene& scene, mesh::PolyMesh serial, bool first_step) {
   const mesh::DistributedMesh mesh = mesh::distribute(PETSC_COMM_SELF, std::move(serial), scene::partition_options(scene));

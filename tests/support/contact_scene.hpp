@@ -11,6 +11,7 @@
 #include "polyslip/assembly/mechanics_fields.hpp"
 #include "polyslip/common/mpi.hpp"
 #include "polyslip/solver/contact_newton.hpp"
+#include "polyslip/solver/registration.hpp"
 #include "support/boxes.hpp"
 
 namespace polyslip::tests {
@@ -104,7 +105,7 @@ class ContactScene {
     system->set_loads(system->load_assembler().at(1.0));
     system->impose_dirichlet(x);
     find_right();
-    static const PetscErrorCode registered = solver::register_active_set_search();
+    static const PetscErrorCode registered = solver::register_types();
     POLYSLIP_PETSC(registered);
   }
   ContactScene(const ContactScene&) = delete;

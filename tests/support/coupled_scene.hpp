@@ -41,7 +41,7 @@ class CoupledScene {
     mesh = mesh::distribute(PETSC_COMM_WORLD, std::move(serial), partition);
     flow = std::make_unique<assembly::FlowSystem>(mesh, fluid);
     system = std::make_unique<assembly::CoupledSystem>(mesh, rules, *flow);
-    static const PetscErrorCode registered = solver::register_active_set_search();
+    static const PetscErrorCode registered = solver::register_types();
     POLYSLIP_PETSC(registered);
   }
   CoupledScene(const CoupledScene&) = delete;

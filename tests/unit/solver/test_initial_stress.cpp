@@ -71,7 +71,7 @@ TEST_P(initial_stress, by_a_fluid_at_rest_loads_each_face_at_its_own_height) {
   const mesh::DistributedMesh mesh = mesh::distribute(PETSC_COMM_WORLD, std::move(serial), partition);
   assembly::FlowSystem flow(mesh, fluid);
   assembly::CoupledSystem system(mesh, rules, flow);
-  POLYSLIP_PETSC(solver::register_active_set_search());
+  POLYSLIP_PETSC(solver::register_types());
   const ScopedOption tight("-snes_rtol", "1e-12");
   solver::ContactNewton newton(system, std::make_unique<solver::CoupledSolver>(system));
   solver::CoupledStep step(system, newton, 0);

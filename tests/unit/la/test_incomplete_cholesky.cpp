@@ -1,0 +1,224 @@
+// Incomplete Cholesky by blocks of one node, across the borders of ranks.
+#include <gtest/gtest.h>
+
+#include <Eigen/Core>
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <tuple>
+
+#include "polyslip/common/mpi.hpp"
+#include "polyslip/la/incomplete_cholesky.hpp"
+
+namespace polyslip {
+namespace {
+
+/// A matrix of nodes with `block` components, empty but for its layout: the nodes of each rank one after the other.
+la::Handle<Mat> matrix_of(PetscInt nodes, PetscInt block, PetscInt row_width) {
+  la::Handle<Mat> matrix;
+  POLYSLIP_PETSC(MatCreateAIJ(PETSC_COMM_WORLD, nodes * block, nodes * block, PETSC_DETERMINE, PETSC_DETERMINE, row_width, nullptr, row_width,
+                              nullptr, matrix.put()));
+  POLYSLIP_PETSC(MatSetBlockSize(matrix, block));
+  return matrix;
+}
+
+void assemble(Mat matrix) {
+  POLYSLIP_PETSC(MatAssemblyBegin(matrix, MAT_FINAL_ASSEMBLY));
+  POLYSLIP_PETSC(MatAssemblyEnd(matrix, MAT_FINAL_ASSEMBLY));
+}
+
+/// A spring between two nodes, stiffer along some direction of its own.
+void add_spring(Mat matrix, PetscInt block, PetscInt i, PetscInt j, double stiffness) {
+  Eigen::VectorXd along(block);
+  for (PetscInt c = 0; c < block; ++c) along[c] = std::sin(1.0 + static_cast<double>(c * (j - i)));
+  const Eigen::MatrixXd k = stiffness * (along * along.transpose() + 0.3 * Eigen::MatrixXd::Identity(block, block));
+  for (PetscInt r = 0; r < block; ++r)
+    for (PetscInt c = 0; c < block; ++c)
+      for (const auto& [row, column, sign] : {std::tuple{i, i, 1}, {j, j, 1}, {i, j, -1}, {j, i, -1}})
+        POLYSLIP_PETSC(MatSetValue(matrix, row * block + r, column * block + c, sign * k(r, c), ADD_VALUES));
+}
+
+void hold(Mat matrix, PetscInt block, PetscInt node, double stiffness) {
+  for (PetscInt c = 0; c < block; ++c) POLYSLIP_PETSC(MatSetValue(matrix, node * block + c, node * block + c, stiffness, ADD_VALUES));
+}
+
+/// A grid of 6 x 6 x n nodes with springs to the 26 around each, n in proportion to the ranks and the last nodes on the last one.
+la::Handle<Mat> grid(PetscInt block, double held) {
+  const PetscInt side = 6, layers = 5, ranks = mpi::size(PETSC_COMM_WORLD), rank = mpi::rank(PETSC_COMM_WORLD);
+  la::Handle<Mat> matrix = matrix_of(side * side * layers, block, 27 * block);
+  const auto node = [&](PetscInt x, PetscInt y, PetscInt z) { return x + side * (y + side * z); };
+  for (PetscInt z = rank * layers; z < (rank + 1) * layers; ++z)
+    for (PetscInt y = 0; y < side; ++y)
+      for (PetscInt x = 0; x < side; ++x) {
+        hold(matrix, block, node(x, y, z), held);
+        for (PetscInt dz = -1; dz <= 1; ++dz)
+          for (PetscInt dy = -1; dy <= 1; ++dy)
+            for (PetscInt dx = -1; dx <= 1; ++dx) {
+              const bool is_inside = x + dx >= 0 && x + dx < side && y + dy >= 0 && y + dy < side && z + dz >= 0 && z + dz < ranks * layers;
+              const PetscInt i = node(x, y, z), j = node(x + dx, y + dy, z + dz);
+              if (is_inside && j > i) add_spring(matrix, block, i, j, 1.0 + 0.5 * std::cos(static_cast<double>(i)));
+            }
+      }
+  assemble(matrix);
+  return matrix;
+}
+
+/// Each rank has a chain and one node that it shares with the ranks before and after it; ranks of odd numbers, the second colour, tie that
+/// to their chain. Up to three ranks eliminate this without fill. Held so much that no diagonal block is damped.
+la::Handle<Mat> chains(PetscInt block) {
+  const PetscInt nodes = 7, ranks = mpi::size(PETSC_COMM_WORLD), rank = mpi::rank(PETSC_COMM_WORLD), first = rank * nodes;
+  const PetscInt shared = first + nodes - 1;
+  la::Handle<Mat> matrix = matrix_of(nodes, block, nodes * block);
+  for (PetscInt i = first; i <= shared; ++i) hold(matrix, block, i, 30);
+  for (PetscInt i = first; i + 1 < shared; ++i) add_spring(matrix, block, i, i + 1, 1.0 + static_cast<double>(i));
+  if (rank % 2 == 1) add_spring(matrix, block, first, shared, 2);
+  if (rank + 1 < ranks) add_spring(matrix, block, shared, shared + nodes, 3);
+  assemble(matrix);
+  return matrix;
+}
+
+la::Handle<PC> preconditioner(Mat matrix, const char* type) {
+  POLYSLIP_PETSC(la::register_block_icc());
+  la::Handle<PC> pc;
+  POLYSLIP_PETSC(PCCreate(PETSC_COMM_WORLD, pc.put()));
+  POLYSLIP_PETSC(PCSetOperators(pc, matrix, matrix));
+  POLYSLIP_PETSC(PCSetType(pc, type));
+  POLYSLIP_PETSC(PCSetUp(pc));
+  return pc;
+}
+
+la::Handle<Vec> noise(Mat matrix, int seed) {
+  la::Handle<Vec> x;
+  POLYSLIP_PETSC(MatCreateVecs(matrix, x.put(), nullptr));
+  PetscInt begin = 0, end = 0;
+  POLYSLIP_PETSC(VecGetOwnershipRange(x, &begin, &end));
+  for (PetscInt i = begin; i < end; ++i) POLYSLIP_PETSC(VecSetValue(x, i, std::sin(static_cast<double>((i + 1) * (seed + 1))), INSERT_VALUES));
+  POLYSLIP_PETSC(VecAssemblyBegin(x));
+  POLYSLIP_PETSC(VecAssemblyEnd(x));
+  return x;
+}
+
+la::Handle<Vec> applied(PC pc, Vec b) {
+  la::Handle<Vec> x;
+  POLYSLIP_PETSC(VecDuplicate(b, x.put()));
+  POLYSLIP_PETSC(PCApply(pc, b, x));
+  return x;
+}
+
+double dot(Vec a, Vec b) {
+  PetscScalar value = 0;
+  POLYSLIP_PETSC(VecDot(a, b, &value));
+  return value;
+}
+
+/// |a - b| / |b|
+double difference(Vec a, Vec b) {
+  la::Handle<Vec> d;
+  PetscReal of_difference = 0, of_b = 0;
+  POLYSLIP_PETSC(VecDuplicate(a, d.put()));
+  POLYSLIP_PETSC(VecWAXPY(d, -1.0, a, b));
+  POLYSLIP_PETSC(VecNorm(d, NORM_2, &of_difference));
+  POLYSLIP_PETSC(VecNorm(b, NORM_2, &of_b));
+  return of_difference / of_b;
+}
+
+/// Iterations of conjugate gradients to 1e-8.
+PetscInt iterations(Mat matrix, const char* type, const char* options) {
+  POLYSLIP_PETSC(la::register_block_icc());
+  POLYSLIP_PETSC(PetscOptionsInsertString(nullptr, options));
+  la::Handle<KSP> ksp;
+  PC pc = nullptr;
+  PetscInt n = 0;
+  POLYSLIP_PETSC(KSPCreate(PETSC_COMM_WORLD, ksp.put()));
+  POLYSLIP_PETSC(KSPSetOperators(ksp, matrix, matrix));
+  POLYSLIP_PETSC(KSPSetType(ksp, KSPCG));
+  POLYSLIP_PETSC(KSPSetTolerances(ksp, 1e-8, 0, PETSC_DEFAULT, 1000));
+  POLYSLIP_PETSC(KSPGetPC(ksp, &pc));
+  POLYSLIP_PETSC(PCSetType(pc, type));
+  POLYSLIP_PETSC(KSPSetFromOptions(ksp));
+  const la::Handle<Vec> b = noise(matrix, 1), x = noise(matrix, 2);
+  POLYSLIP_PETSC(KSPSolve(ksp, b, x));
+  KSPConvergedReason reason = KSP_CONVERGED_ITERATING;
+  POLYSLIP_PETSC(KSPGetConvergedReason(ksp, &reason));
+  EXPECT_GT(reason, 0) << type;
+  POLYSLIP_PETSC(KSPGetIterationNumber(ksp, &n));
+  return n;
+}
+
+/// On each rank the matrix of Kershaw (J. Comput. Phys. 26, 1978), which is positive definite while its factorisation without fill is not,
+/// and an empty row.
+la::Handle<Mat> kershaw() {
+  la::Handle<Mat> matrix = matrix_of(5, 1, 5);
+  const PetscInt first = 5 * mpi::rank(PETSC_COMM_WORLD);
+  const double values[4][4] = {{3, -2, 0, 2}, {-2, 3, -2, 0}, {0, -2, 3, -2}, {2, 0, -2, 3}};
+  for (PetscInt i = 0; i < 4; ++i)
+    for (PetscInt j = 0; j < 4; ++j)
+      if (values[i][j] != 0) POLYSLIP_PETSC(MatSetValue(matrix, first + i, first + j, values[i][j], INSERT_VALUES));
+  POLYSLIP_PETSC(MatSetValue(matrix, first + 4, first + 4, 0, INSERT_VALUES));
+  assemble(matrix);
+  return matrix;
+}
+
+struct block_icc_of_nodes : testing::TestWithParam<PetscInt> {};
+
+TEST_P(block_icc_of_nodes, solves_exactly_where_nothing_is_filled_in_whatever_ranks_the_rows_are_on) {
+  const la::Handle<Mat> matrix = chains(GetParam());
+  const la::Handle<PC> pc = preconditioner(matrix, la::block_icc);
+  const la::Handle<Vec> exact = noise(matrix, 0);
+  la::Handle<Vec> b;
+  POLYSLIP_PETSC(VecDuplicate(exact, b.put()));
+  POLYSLIP_PETSC(MatMult(matrix, exact, b));
+  EXPECT_LT(difference(applied(pc, b), exact), 1e-6);
+}
+
+TEST_P(block_icc_of_nodes, is_symmetric_and_positive_on_any_number_of_ranks) {
+  const la::Handle<Mat> matrix = grid(GetParam(), 1e-3);
+  const la::Handle<PC> pc = preconditioner(matrix, la::block_icc);
+  const la::Handle<Vec> a = noise(matrix, 0), b = noise(matrix, 1);
+  const la::Handle<Vec> of_a = applied(pc, a), of_b = applied(pc, b);
+  EXPECT_GT(dot(a, of_a), 0);
+  EXPECT_NEAR(dot(a, of_b), dot(b, of_a), 1e-5 * dot(a, of_a));
+}
+
+TEST_P(block_icc_of_nodes, takes_fewer_iterations_than_factors_that_end_at_borders) {
+  const la::Handle<Mat> matrix = grid(GetParam(), 1e-3);
+  const PetscInt across = iterations(matrix, la::block_icc, ""), ending = iterations(matrix, PCBJACOBI, "-sub_pc_type icc");
+  if (mpi::size(PETSC_COMM_WORLD) == 1)
+    EXPECT_LE(std::abs(across - ending), 1);
+  else
+    EXPECT_LT(across, ending);
+}
+
+TEST(block_icc, stays_positive_where_the_factorisation_does_not_and_leaves_empty_rows_alone) {
+  const la::Handle<Mat> matrix = kershaw();
+  const la::Handle<PC> pc = preconditioner(matrix, la::block_icc);
+  const la::Handle<Vec> e = noise(matrix, 0);
+  const PetscInt first = 5 * mpi::rank(PETSC_COMM_WORLD);
+  for (PetscInt i = 0; i < 5; ++i) {
+    POLYSLIP_PETSC(VecZeroEntries(e));
+    POLYSLIP_PETSC(VecSetValue(e, first + i, 1, INSERT_VALUES));
+    POLYSLIP_PETSC(VecAssemblyBegin(e));
+    POLYSLIP_PETSC(VecAssemblyEnd(e));
+    const double energy = dot(e, applied(pc, e));
+    if (i < 4)
+      EXPECT_GT(energy, 0);
+    else
+      EXPECT_EQ(energy, 0);
+  }
+}
+
+TEST(block_icc, refuses_what_is_not_finite) {
+  const la::Handle<Mat> matrix = kershaw();
+  const PetscInt row = 5 * mpi::rank(PETSC_COMM_WORLD);
+  POLYSLIP_PETSC(MatSetValue(matrix, row, row, std::numeric_limits<double>::quiet_NaN(), INSERT_VALUES));
+  assemble(matrix);
+  const la::Handle<PC> pc = preconditioner(matrix, la::block_icc);
+  PCFailedReason reason = PC_NOERROR;
+  POLYSLIP_PETSC(PCGetFailedReasonRank(pc, &reason));
+  EXPECT_NE(reason, PC_NOERROR);
+}
+
+INSTANTIATE_TEST_SUITE_P(blocks, block_icc_of_nodes, testing::Values(1, 2, 3, 4, 6));
+
+}  // namespace
+}  // namespace polyslip
