@@ -3,7 +3,8 @@
 //
 //   A ~ M = (I + L) D (I + L)^T      D block diagonal, L strictly lower; blocks of b x b for b components a node
 //   W_ij = A_ij - sum_{k<j} W_ik L_jk^T,   L_ij = W_ij D_j^{-1}   where A has a block ij, j < i, and nowhere else
-//   D_i  = A_ii - omega_i sum_{k<i} W_ik L_ik^T                   omega_i <= 1 the largest for which D_i >= 0.3 A_ii
+//   D_i  = A_ii - omega_i sum_{k<i} W_ik L_ik^T                   omega_i <= 1 the largest for which D_i >= a A_ii,
+//                                                                 a = 0.05, at borders of ranks 0.3
 //
 // the factorisation without fill of Meijerink and van der Vorst (Math. Comp. 31, 1977). It differs from PETSc's on each rank (PCBJACOBI with
 // PCICC) in three things. Blocks in single precision take half the memory, and less than half the time to apply and to factorise; what they
