@@ -183,10 +183,11 @@ TEST_P(block_icc_of_nodes, is_symmetric_and_positive_on_any_number_of_ranks) {
 TEST_P(block_icc_of_nodes, takes_fewer_iterations_than_factors_that_end_at_borders) {
   const la::Handle<Mat> matrix = grid(GetParam(), 1e-3);
   const PetscInt across = iterations(matrix, la::block_icc, ""), ending = iterations(matrix, PCBJACOBI, "-sub_pc_type icc");
-  if (mpi::size(PETSC_COMM_WORLD) == 1)
+  if (mpi::size(PETSC_COMM_WORLD) == 1) {
     EXPECT_LE(std::abs(across - ending), 1);
-  else
+  } else {
     EXPECT_LT(across, ending);
+  }
 }
 
 TEST(block_icc, stays_positive_where_the_factorisation_does_not_and_leaves_empty_rows_alone) {
@@ -200,11 +201,14 @@ TEST(block_icc, stays_positive_where_the_factorisation_does_not_and_leaves_empty
     POLYSLIP_PETSC(VecAssemblyBegin(e));
     POLYSLIP_PETSC(VecAssemblyEnd(e));
     const double energy = dot(e, applied(pc, e)) / mpi::size(PETSC_COMM_WORLD);
-    if (i == 3) EXPECT_NEAR(energy, 1 / (0.05 * 3), 1e-5);  // the last pivot would be -5
-    if (i == 4)
+    if (i == 3) {
+      EXPECT_NEAR(energy, 1 / (0.05 * 3), 1e-5);  // the last pivot would be -5
+    }
+    if (i == 4) {
       EXPECT_EQ(energy, 0);
-    else
+    } else {
       EXPECT_GT(energy, 0);
+    }
   }
 }
 
