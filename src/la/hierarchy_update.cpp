@@ -10,12 +10,6 @@ namespace polyslip::la {
 
 namespace {
 
-MPI_Comm comm_of(Mat matrix) {
-  MPI_Comm comm = MPI_COMM_NULL;
-  POLYSLIP_PETSC(PetscObjectGetComm(reinterpret_cast<PetscObject>(matrix), &comm));
-  return comm;
-}
-
 /// A matrix of the layout of `like` with the entries of the given rows only, all zero.
 Handle<Mat> rows_of(Mat like, const std::vector<PetscInt>& rows) {
   PetscInt begin = 0, end = 0, first_column = 0, end_column = 0, columns_total = 0, rows_total = 0;

@@ -19,12 +19,6 @@ namespace polyslip::la {
 
 namespace {
 
-MPI_Comm comm_of(Mat matrix) {
-  MPI_Comm comm = MPI_COMM_NULL;
-  POLYSLIP_PETSC(PetscObjectGetComm(reinterpret_cast<PetscObject>(matrix), &comm));
-  return comm;
-}
-
 /// Read access to one of the two local matrices of a MATAIJ.
 class Rows {
  public:

@@ -25,6 +25,14 @@ inline void check(PetscErrorCode code, const char* where) {
 /// that is to jump to nowhere. The run ends then, and the system frees it.
 [[nodiscard]] bool solvers_are_whole();
 
+/// The communicator of a PETSc object.
+template <class T>
+MPI_Comm comm_of(T object) {
+  MPI_Comm comm = MPI_COMM_NULL;
+  check(PetscObjectGetComm(reinterpret_cast<PetscObject>(object), &comm), "PetscObjectGetComm");
+  return comm;
+}
+
 template <class T>
 struct Destroyer;
 
