@@ -5,6 +5,7 @@
 #include <limits>
 
 #include "polyslip/common/mpi.hpp"
+#include "polyslip/la/vec_access.hpp"
 #include "polyslip/spaces/hfv_cell.hpp"
 #include "polyslip/spaces/vem_cell.hpp"
 
@@ -16,16 +17,16 @@ using RowMajor = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::Ro
 
 /// The part of a rank's Vec behind the first `skip` entries, copied to or from a Vec of its own.
 void copy_tail(Vec whole, Index skip, Vec tail) {
-  const VecRead a(whole);
-  const VecWrite b(tail);
+  const la::VecRead a(whole);
+  const la::VecWrite b(tail);
   PetscInt n = 0;
   POLYSLIP_PETSC(VecGetLocalSize(tail, &n));
   std::copy_n(a.data() + skip, n, b.data());
 }
 
 void paste_tail(Vec tail, Index skip, Vec whole) {
-  const VecRead a(tail);
-  const VecWrite b(whole);
+  const la::VecRead a(tail);
+  const la::VecWrite b(whole);
   PetscInt n = 0;
   POLYSLIP_PETSC(VecGetLocalSize(tail, &n));
   std::copy_n(a.data(), n, b.data() + skip);
@@ -92,8 +93,8 @@ la::Handle<Vec> CoupledSystem::create_condensed_vector() const {
 
 void CoupledSystem::join(Vec x, Vec q, Vec z) const {
   {
-    const VecRead a(x);
-    const VecWrite b(z);
+    const la::VecRead a(x);
+    const la::VecWrite b(z);
     std::copy_n(a.data(), layout().size(), b.data());
   }
   paste_tail(q, layout().size(), z);
@@ -101,8 +102,8 @@ void CoupledSystem::join(Vec x, Vec q, Vec z) const {
 
 void CoupledSystem::split(Vec z, Vec x, Vec q) const {
   {
-    const VecRead a(z);
-    const VecWrite b(x);
+    const la::VecRead a(z);
+    const la::VecWrite b(x);
     std::copy_n(a.data(), layout().size(), b.data());
   }
   copy_tail(z, layout().size(), q);
@@ -114,14 +115,14 @@ void CoupledSystem::gather(Vec z, MechanicalState& state) const {
   POLYSLIP_PETSC(VecGetLocalSize(z, &n));
   if (mpi::any(mesh().comm, n < size())) return;
   state.pressure.resize(static_cast<std::size_t>(flow_.layout().local_size()));
-  const VecRead a(z);
+  const la::VecRead a(z);
   std::copy_n(a.data() + layout().size(), flow_.layout().size(), state.pressure.begin());
   flow_.layout().halo().owner_to_ghost(state.pressure);
 }
 
 void CoupledSystem::scatter(const MechanicalState& state, Vec z) const {
   MechanicsSystem::scatter(state, z);
-  const VecWrite a(z);
+  const la::VecWrite a(z);
   std::copy_n(state.pressure.begin(), std::min<std::size_t>(state.pressure.size(), static_cast<std::size_t>(flow_.layout().size())),
               a.data() + layout().size());
 }
@@ -317,7 +318,7 @@ void CoupledSystem::residual(Vec z, Vec f) const {
   std::vector<double> cell_volumes, face_volumes;
   volumes(state_, cell_volumes, face_volumes);
 
-  const VecWrite rows(f);
+  const la::VecWrite rows(f);
   double force = 0, flow = 0, turnover = 0;
   for (Index i = 0; i < layout().displacement_size(); ++i)
     if (!fixed()[i]) {
@@ -325,7 +326,7 @@ void CoupledSystem::residual(Vec z, Vec f) const {
       force += rows_.displacement[i] * rows_.displacement[i];
     }
   for (Index i = 0; i < layout().fracture_size(); ++i) rows[layout().bubble_start() + i] += rows_.bubble[i];
-  const VecRead flow_rows(f_work_), q(q_work_), before(q_previous_), storage(flow_.storage());
+  const la::VecRead flow_rows(f_work_), q(q_work_), before(q_previous_), storage(flow_.storage());
   const auto add_scale = [&](double change) {
     flow += change * change;
     turnover += std::abs(change);
@@ -359,8 +360,8 @@ void CoupledSystem::momentum_action(Vec y, Vec r) const {
   add_fluid_forces(state_, rows_.displacement, rows_.bubble);
   std::vector<double> cell_volumes, face_volumes;
   volumes(state_, cell_volumes, face_volumes);
-  const VecWrite rows(r);
-  const VecRead flow_rows(f_work_);
+  const la::VecWrite rows(r);
+  const la::VecRead flow_rows(f_work_);
   for (Index i = 0; i < layout().displacement_size(); ++i)
     if (!fixed()[i]) rows[i] += rows_.displacement[i];
   for (Index i = 0; i < layout().fracture_size(); ++i) rows[layout().bubble_start() + i] += rows_.bubble[i];
@@ -379,7 +380,7 @@ ResidualNorms CoupledSystem::norms(Vec z, Vec f) const {
   n.momentum_scale = std::max(n.momentum_scale, pressure_force_);
   copy_tail(z, layout().size(), q_work_);
   n.flow_floor = 4 * (flow_.round_off(q_work_, NORM_2) + displacement_round_off(z));
-  const VecRead rows(f);
+  const la::VecRead rows(f);
   std::array<double, 2> sums{};  // of the squares; of the rows
   for (Index i = layout().size(); i < size(); ++i) {
     sums[0] += rows[i] * rows[i];
@@ -564,13 +565,13 @@ void CoupledSystem::apply_condensed(Vec x, Vec y) const {
   POLYSLIP_PETSC(MatMult(nest_, x, y));
   if (matrix_is_exact()) return;
   {
-    const VecRead a(x);
+    const la::VecRead a(x);
     std::copy_n(a.data(), layout().displacement_size(), state_.displacement.begin());
     std::copy_n(a.data() + layout().displacement_size(), flow_.layout().size(), state_.pressure.begin());
   }
   layout().exchange(state_.displacement);
   flow_.layout().halo().owner_to_ghost(state_.pressure);
-  const VecWrite rows(y);
+  const la::VecWrite rows(y);
   Eigen::VectorXd local;
   for (Index p = 0; p < contact_cells().size(); ++p) {
     if (!contact_cells().differs(p)) continue;
@@ -592,7 +593,7 @@ void CoupledSystem::apply_condensed(Vec x, Vec y) const {
 void CoupledSystem::condense_residual(Vec f, Vec condensed) const {
   gather(f, state_);
   contact_cells().condense_residual(state_.bubble, state_.multiplier, state_.displacement, state_.pressure);
-  const VecWrite rows(condensed);
+  const la::VecWrite rows(condensed);
   for (Index i = 0; i < layout().displacement_size(); ++i) rows[i] = fixed()[i] ? 0.0 : state_.displacement[i];
   for (Index i = 0; i < flow_.layout().size(); ++i) rows[layout().displacement_size() + i] = flow_.fixed()[i] ? 0.0 : scale_ * state_.pressure[i];
 }
@@ -600,7 +601,7 @@ void CoupledSystem::condense_residual(Vec f, Vec condensed) const {
 void CoupledSystem::recover(Vec f, Vec condensed, Vec direction) const {
   gather(f, state_);
   {
-    const VecRead a(condensed);
+    const la::VecRead a(condensed);
     for (Index i = 0; i < layout().displacement_size(); ++i) rows_.displacement[i] = fixed()[i] ? 0.0 : a[i];
     for (Index i = 0; i < flow_.layout().size(); ++i) rows_.pressure[i] = flow_.fixed()[i] ? 0.0 : scale_ * a[layout().displacement_size() + i];
   }

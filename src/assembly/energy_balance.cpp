@@ -5,6 +5,7 @@
 
 #include "polyslip/assembly/mechanics_fields.hpp"
 #include "polyslip/common/mpi.hpp"
+#include "polyslip/la/vec_access.hpp"
 
 namespace polyslip::assembly {
 
@@ -36,13 +37,13 @@ double free_elastic_energy(const CoupledSystem& system, Vec z) {
   la::Handle<Vec> u = system.create_vector(), force = system.create_vector();
   POLYSLIP_PETSC(VecCopy(z, u));
   {
-    const VecWrite values(u);
+    const la::VecWrite values(u);
     for (Index i = 0; i < layout.displacement_size(); ++i)
       if (system.fixed()[i]) values[i] = 0;
     for (Index i = layout.multiplier_start(); i < layout.size(); ++i) values[i] = 0;
   }
   system.MechanicsSystem::momentum_action(u, force);
-  const VecRead values(u), rows(force);
+  const la::VecRead values(u), rows(force);
   double sum = 0;
   for (Index i = 0; i < layout.multiplier_start(); ++i) sum += values[i] * rows[i];
   return 0.5 * sum;
@@ -103,7 +104,7 @@ FaceSums sum_faces(const CoupledSystem& system, Vec before, Vec after) {
   const FlowLayout& flow = system.flow().layout();
   la::Handle<Vec> q = flow.create_vector(), x = system.layout().create_vector();
   system.split(after, x, q);
-  const VecRead pressure(q);
+  const la::VecRead pressure(q);
   FaceSums sums;
   for (Index f = 0; f < system.mesh().fractures.owned; ++f) {
     const ContactFace& face = system.contact_cells().faces()[f];
@@ -126,7 +127,7 @@ FaceSums sum_faces(const CoupledSystem& system, Vec before, Vec after) {
 
 /// Loads on free displacements; what p_ref does is among them, and nowhere else in the books.
 double load_work(const CoupledSystem& system, Vec change) {
-  const VecRead du(change);
+  const la::VecRead du(change);
   const Layout& layout = system.layout();
   double work = 0;
   for (Index i = 0; i < layout.displacement_size(); ++i)

@@ -5,6 +5,7 @@
 #include <limits>
 
 #include "polyslip/common/mpi.hpp"
+#include "polyslip/la/vec_access.hpp"
 
 namespace polyslip::assembly {
 
@@ -65,7 +66,7 @@ struct Squares {
 }  // namespace
 
 std::vector<double> cell_pressures(const FlowSystem& system, Vec q) {
-  const VecRead a(q);
+  const la::VecRead a(q);
   std::vector<double> p;
   for (Index cell = 0; cell < system.mesh().cells.owned; ++cell) {
     const Index i = system.layout().cell(cell);
@@ -130,7 +131,7 @@ std::vector<BoundaryFigures> boundary_figures(const FlowSystem& system, Vec q) {
   const FlowLoadAssembler& loads = system.load_assembler();
   la::Handle<Vec> fluxes = layout.create_vector();
   POLYSLIP_PETSC(MatMult(system.fluxes().matrix(), q, fluxes));
-  const VecRead flux(fluxes), values(q);
+  const la::VecRead flux(fluxes), values(q);
   std::vector<double> sums(3 * names.size());  // of each name: outflow, integral of the pressure, area
   const auto sums_of = [&](Index rule) -> double* {
     if (rule < 0) return nullptr;

@@ -5,6 +5,7 @@
 #include <numeric>
 
 #include "polyslip/common/mpi.hpp"
+#include "polyslip/la/vec_access.hpp"
 
 namespace polyslip::assembly {
 
@@ -48,7 +49,7 @@ la::Handle<Vec> FlowLayout::create_vector() const {
 }
 
 void FlowLayout::gather(Vec q, std::span<double> local) const {
-  const VecRead a(q);
+  const la::VecRead a(q);
   std::copy_n(a.data(), size(), local.begin());
   halo_.owner_to_ghost(local);
 }

@@ -5,6 +5,7 @@
 #include <limits>
 
 #include "polyslip/common/mpi.hpp"
+#include "polyslip/la/vec_access.hpp"
 
 namespace polyslip::assembly {
 
@@ -83,7 +84,7 @@ std::vector<double> FlowSystem::reference_values() const {
 
 void FlowSystem::set_initial(double time, Vec q) const {
   const auto initial = [&](Index i) { return problem_.initial_pressure({.x = operator_.points()[i], .t = time}) - reference_[i]; };
-  const VecWrite a(q);
+  const la::VecWrite a(q);
   mpi::together(mesh_.comm, [&] {
     for (Index i = 0; i < layout_.size(); ++i) a[i] = operator_.is_drop(i) ? 0.0 : initial(i);
   });
@@ -118,7 +119,7 @@ bool FlowSystem::set_conducting_apertures(std::span<const double> apertures) {
 
 void FlowSystem::write_storage() {
   if (problem_.stationary) return;
-  const VecWrite d(storage_);
+  const la::VecWrite d(storage_);
   for (Index cell = 0; cell < mesh_.cells.owned; ++cell)
     d[layout_.cell(cell)] = operator_.volumes()[cell] * rock_[cell].inverse_modulus;
   for (Index f = 0; layout_.with_fractures() && f < mesh_.fractures.owned; ++f)
@@ -133,7 +134,7 @@ void FlowSystem::set_time_step(double dt) {
 }
 
 void FlowSystem::impose(Vec q) const {
-  const VecWrite a(q);
+  const la::VecWrite a(q);
   for (Index i = 0; i < layout_.size(); ++i)
     if (fixed()[i]) a[i] = loads_.imposed[i];
 }
@@ -143,8 +144,8 @@ Mat FlowSystem::matrix() {
   la::Handle<Vec> diagonal = layout_.create_vector(), free = layout_.create_vector();
   POLYSLIP_PETSC(MatGetDiagonal(operator_.matrix(), diagonal));
   {
-    const VecWrite d(diagonal), is_free(free);
-    const VecRead storage(storage_);
+    const la::VecWrite d(diagonal), is_free(free);
+    const la::VecRead storage(storage_);
     for (Index i = 0; i < layout_.size(); ++i) {
       d[i] = storage[i] + (fixed()[i] ? dt_ * d[i] : 0.0);
       is_free[i] = fixed()[i] ? 0.0 : 1.0;
@@ -161,8 +162,8 @@ Mat FlowSystem::matrix() {
 
 void FlowSystem::residual(Vec q, Vec q_previous, Vec f) const {
   apply_fluxes(q, f);
-  const VecWrite rows(f);
-  const VecRead now(q), before(q_previous), storage(storage_);
+  const la::VecWrite rows(f);
+  const la::VecRead now(q), before(q_previous), storage(storage_);
   for (Index i = 0; i < layout_.size(); ++i)
     rows[i] = fixed()[i] ? 0.0 : storage[i] * (now[i] - before[i]) + dt_ * (rows[i] - loads_.sources[i]);
 }
@@ -177,7 +178,7 @@ double FlowSystem::round_off(Vec q, NormType norm) {
 
 FluidBalance FlowSystem::balance(Vec q, Vec q_previous) const {
   apply_fluxes(q, work_);
-  const VecRead flux(work_), now(q), before(q_previous), storage(storage_);
+  const la::VecRead flux(work_), now(q), before(q_previous), storage(storage_);
   std::array<double, 4> sums{};  // stored, injected, outflow, turnover
   const auto is_trace = [&](Index i) { return i >= mesh_.cells.owned && i < mesh_.cells.owned + mesh_.flow.traces.owned; };
   for (Index i = 0; i < layout_.size(); ++i) {
@@ -193,7 +194,7 @@ FluidBalance FlowSystem::balance(Vec q, Vec q_previous) const {
 }
 
 double FlowSystem::stored_energy(Vec q) const {
-  const VecRead a(q), storage(storage_);
+  const la::VecRead a(q), storage(storage_);
   double energy = 0;
   for (Index i = 0; i < layout_.size(); ++i) energy += storage[i] * a[i] * a[i] / 2;
   return mpi::sum(mesh_.comm, energy);
@@ -201,7 +202,7 @@ double FlowSystem::stored_energy(Vec q) const {
 
 double FlowSystem::power_input(Vec q) const {
   apply_fluxes(q, work_);
-  const VecRead flux(work_), a(q);
+  const la::VecRead flux(work_), a(q);
   double power = 0;
   for (Index i = 0; i < layout_.size(); ++i) power += a[i] * (fixed()[i] ? flux[i] : loads_.sources[i]);
   return mpi::sum(mesh_.comm, power);

@@ -4,6 +4,7 @@
 #include <cassert>
 
 #include "polyslip/common/mpi.hpp"
+#include "polyslip/la/vec_access.hpp"
 
 namespace polyslip::assembly {
 
@@ -112,7 +113,7 @@ void Layout::exchange(std::span<double> displacements) const { displacement_halo
 void Layout::exchange(std::span<Index> displacements) const { displacement_halo().owner_to_ghost(displacements, block_size()); }
 
 void Layout::gather(Vec x, MechanicalState& state) const {
-  const VecRead a(x);
+  const la::VecRead a(x);
   std::copy_n(a.data(), displacement_size(), state.displacement.begin());
   std::copy_n(a.data() + bubble_start(), fracture_size(), state.bubble.begin());
   std::copy_n(a.data() + multiplier_start(), fracture_size(), state.multiplier.begin());
@@ -122,7 +123,7 @@ void Layout::gather(Vec x, MechanicalState& state) const {
 }
 
 void Layout::scatter(const MechanicalState& state, Vec x) const {
-  const VecWrite a(x);
+  const la::VecWrite a(x);
   std::copy_n(state.displacement.begin(), displacement_size(), a.data());
   std::copy_n(state.bubble.begin(), fracture_size(), a.data() + bubble_start());
   std::copy_n(state.multiplier.begin(), fracture_size(), a.data() + multiplier_start());

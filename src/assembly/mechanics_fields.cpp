@@ -5,6 +5,7 @@
 #include <cmath>
 
 #include "polyslip/common/mpi.hpp"
+#include "polyslip/la/vec_access.hpp"
 
 namespace polyslip::assembly {
 
@@ -58,7 +59,7 @@ std::vector<double> cell_stresses(const MechanicsSystem& system, Vec x) {
 }
 
 std::vector<double> copy_displacements(const MechanicsSystem& system, Vec x) {
-  const VecRead a(x);
+  const la::VecRead a(x);
   const int dim = system.layout().dim();
   std::vector<double> u(3 * static_cast<std::size_t>(system.mesh().copies.owned), 0.0);
   for (Index copy = 0; copy < system.mesh().copies.owned; ++copy)

@@ -9,6 +9,7 @@
 #include "polyslip/assembly/cell_batches.hpp"
 #include "polyslip/common/error.hpp"
 #include "polyslip/common/mpi.hpp"
+#include "polyslip/la/vec_access.hpp"
 
 namespace polyslip::assembly {
 
@@ -184,7 +185,7 @@ void visit_stiffness(const MechanicsSystem& system, std::span<const Index> cells
 la::Handle<MatNullSpace> rigid_body_modes(const mesh::DistributedMesh& mesh, const Layout& layout) {
   const la::Handle<Vec> coordinates = layout.create_nodal_vector();
   {
-    const VecWrite x(coordinates);
+    const la::VecWrite x(coordinates);
     const int dim = mesh.mesh.dim;
     for (Index copy = 0; copy < mesh.copies.owned; ++copy)
       for (int a = 0; a < dim; ++a) x[dim * copy + a] = mesh.mesh.nodes[mesh.mesh.copy_node[copy]][a];
@@ -219,7 +220,7 @@ MechanicsSystem::MechanicsSystem(const mesh::DistributedMesh& mesh, const physic
 /// The size of the terms that cancel in a momentum row.
 void MechanicsSystem::keep_bulk_diagonal() {
   POLYSLIP_PETSC(MatGetDiagonal(matrix_->get(), product_));
-  const VecRead diagonal(product_);
+  const la::VecRead diagonal(product_);
   bulk_diagonal_.resize(static_cast<std::size_t>(layout_.displacement_size()));
   for (Index i = 0; i < layout_.displacement_size(); ++i) bulk_diagonal_[i] = fixed()[i] ? 0 : diagonal[i];
 }
@@ -330,7 +331,7 @@ void MechanicsSystem::compute_lift() {
 }
 
 void MechanicsSystem::impose_dirichlet(Vec x) const {
-  const VecWrite a(x);
+  const la::VecWrite a(x);
   for (Index i = 0; i < layout_.displacement_size(); ++i)
     if (fixed()[i]) a[i] = loads_.dirichlet[i];
 }
@@ -399,7 +400,7 @@ void MechanicsSystem::add_bulk(Vec free, std::span<double> rows) const {
   // A u = P u - sum_K C_K u with the blocks that P holds: no second matrix.
   POLYSLIP_PETSC(MatMult(matrix_->get(), free, product_));
   {
-    const VecRead product(product_);
+    const la::VecRead product(product_);
     for (Index i = 0; i < layout_.displacement_size(); ++i)
       if (!fixed()[i]) rows[i] += product[i];
   }
@@ -411,7 +412,7 @@ void MechanicsSystem::momentum_action(Vec y, Vec r) const { momentum_rows(y, {},
 void MechanicsSystem::momentum_rows(Vec y, std::span<const double> fracture_pressure, Vec r) const {
   gather(y, work_);
   {
-    const VecWrite free(free_in_);
+    const la::VecWrite free(free_in_);
     for (Index i = 0; i < layout_.displacement_size(); ++i) free[i] = fixed()[i] ? 0.0 : work_.displacement[i];
   }
   auto& rows = work2_;
@@ -427,7 +428,7 @@ void MechanicsSystem::momentum_rows(Vec y, std::span<const double> fracture_pres
 
 void MechanicsSystem::residual(Vec x, Vec f) const {
   momentum_rows(x, loads_.fracture_pressure, f);
-  const VecWrite rows(f);
+  const la::VecWrite rows(f);
   for (Index i = 0; i < layout_.displacement_size(); ++i) rows[i] += fixed()[i] ? -loads_.dirichlet[i] : lift_[i] - loads_.displacement[i];
   const int dim = layout_.dim();
   for (Index face = 0; face < mesh_.fractures.owned; ++face) {
@@ -467,7 +468,7 @@ double MechanicsSystem::contact_merit(const ContactLine& line, double alpha) con
 }
 
 void MechanicsSystem::set_contact_rows(const ContactLine& line, double alpha, Vec f) const {
-  const VecWrite rows(f);
+  const la::VecWrite rows(f);
   const int dim = layout_.dim();
   for (std::size_t face = 0; face < line.at.size(); ++face) {
     const auto k = static_cast<Index>(face);
@@ -478,7 +479,7 @@ void MechanicsSystem::set_contact_rows(const ContactLine& line, double alpha, Ve
 
 ResidualNorms MechanicsSystem::norms(Vec x, Vec f) const {
   gather(x, work_);
-  const VecRead rows(f);
+  const la::VecRead rows(f);
   std::array<double, 4> squares{};
   for (Index i = 0; i < layout_.multiplier_start(); ++i)
     if (i >= layout_.displacement_size() || !fixed()[i]) squares[0] += rows[i] * rows[i];
@@ -566,25 +567,25 @@ void MechanicsSystem::apply_condensed(Vec x, Vec y) const {
   POLYSLIP_PETSC(MatMult(matrix_->get(), x, y));
   if (matrix_is_exact_) return;
   {
-    const VecRead a(x);
+    const la::VecRead a(x);
     std::copy_n(a.data(), layout_.displacement_size(), work_.displacement.begin());
   }
   layout_.exchange(work_.displacement);
-  const VecWrite rows(y);
+  const la::VecWrite rows(y);
   add_blocks(work_.displacement, {rows.data(), static_cast<std::size_t>(layout_.displacement_size())}, true, 1.0);
 }
 
 void MechanicsSystem::condense_residual(Vec f, Vec displacement) const {
   gather(f, work_);
   cells_.condense_residual(work_.bubble, work_.multiplier, work_.displacement);
-  const VecWrite rows(displacement);
+  const la::VecWrite rows(displacement);
   for (Index i = 0; i < layout_.displacement_size(); ++i) rows[i] = fixed()[i] ? 0.0 : work_.displacement[i];
 }
 
 void MechanicsSystem::recover(Vec f, Vec displacement, Vec direction) const {
   gather(f, work_);
   {
-    const VecRead a(displacement);
+    const la::VecRead a(displacement);
     for (Index i = 0; i < layout_.displacement_size(); ++i) work2_.displacement[i] = fixed()[i] ? 0.0 : a[i];
   }
   layout_.exchange(work2_.displacement);

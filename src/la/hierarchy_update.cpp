@@ -5,6 +5,7 @@
 #include <utility>
 
 #include "polyslip/la/field_split.hpp"
+#include "polyslip/la/vec_access.hpp"
 
 namespace polyslip::la {
 
@@ -51,12 +52,10 @@ void fill_empty_rows_of(Mat matrix) {
   POLYSLIP_PETSC(MatGetDiagonal(matrix, diagonal));
   POLYSLIP_PETSC(VecMax(diagonal, nullptr, &largest));
   PetscInt begin = 0, end = 0;
-  const PetscScalar* values = nullptr;
   POLYSLIP_PETSC(VecGetOwnershipRange(diagonal, &begin, &end));
-  POLYSLIP_PETSC(VecGetArrayRead(diagonal, &values));
+  const VecRead values(diagonal);
   for (PetscInt row = begin; row < end; ++row)
     if (values[row - begin] == 0) POLYSLIP_PETSC(MatSetValue(matrix, row, row, largest, INSERT_VALUES));
-  POLYSLIP_PETSC(VecRestoreArrayRead(diagonal, &values));
   POLYSLIP_PETSC(MatAssemblyBegin(matrix, MAT_FINAL_ASSEMBLY));
   POLYSLIP_PETSC(MatAssemblyEnd(matrix, MAT_FINAL_ASSEMBLY));
 }

@@ -14,6 +14,7 @@
 
 #include "polyslip/common/types.hpp"
 #include "polyslip/la/rank_order.hpp"
+#include "polyslip/la/vec_access.hpp"
 
 namespace polyslip::la {
 
@@ -477,13 +478,7 @@ PetscErrorCode set_up(PC pc) {
 
 PetscErrorCode apply(PC pc, Vec b, Vec x) {
   PetscFunctionBeginUser;
-  const PetscScalar* from = nullptr;
-  PetscScalar* to = nullptr;
-  PetscCall(VecGetArrayRead(b, &from));
-  PetscCall(VecGetArrayWrite(x, &to));
-  PetscCallCXX(data_of(pc).factors->apply(from, to));
-  PetscCall(VecRestoreArrayWrite(x, &to));
-  PetscCall(VecRestoreArrayRead(b, &from));
+  PetscCallCXX(data_of(pc).factors->apply(VecRead(b).data(), VecWrite(x).data()));
   PetscFunctionReturn(0);
 }
 

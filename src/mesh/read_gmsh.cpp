@@ -13,6 +13,7 @@
 #include "polyslip/common/error.hpp"
 #include "polyslip/common/suggest.hpp"
 #include "polyslip/la/handle.hpp"
+#include "polyslip/la/vec_access.hpp"
 #include "polyslip/mesh/builder.hpp"
 #include "polyslip/mesh/formats.hpp"
 
@@ -125,10 +126,8 @@ class Plex {
     POLYSLIP_PETSC(VecGetLocalSize(values, &size));
     std::vector<Vec3> result;
     if (size != 3 * (nodes_.end - nodes_.begin) || points.begin < nodes_.begin) return result;
-    const PetscScalar* x = nullptr;
-    POLYSLIP_PETSC(VecGetArrayRead(values, &x));
+    const la::VecRead x(values);
     for (PetscInt i = 0; i < size; i += 3) result.emplace_back(x[i], x[i + 1], x[i + 2]);
-    POLYSLIP_PETSC(VecRestoreArrayRead(values, &x));
     return result;
   }
 

@@ -6,6 +6,7 @@
 
 #include "polyslip/common/error.hpp"
 #include "polyslip/common/mpi.hpp"
+#include "polyslip/la/vec_access.hpp"
 #include "polyslip/scene/report.hpp"
 #include "polyslip/scene/value.hpp"
 
@@ -21,7 +22,7 @@ std::span<const GlobalIndex> owned(std::span<const GlobalIndex> numbers, Index c
 }
 
 std::vector<double> slice(Vec v, Index first, Index count) {
-  const assembly::VecRead a(v);
+  const la::VecRead a(v);
   return {a.data() + first, a.data() + first + count};
 }
 
@@ -108,7 +109,7 @@ void resume_mechanics(const Checkpoint& checkpoint, assembly::MechanicsSystem& s
 }
 
 void save_flow(const assembly::FlowSystem& flow, Vec q, const std::string& prefix, std::vector<CheckpointTable>& tables) {
-  const assembly::VecRead a(q);
+  const la::VecRead a(q);
   for (const PressureTable& table : pressure_tables(flow)) {
     std::vector<double> values;
     for (Index i = 0; i < table.numbering.owned; ++i) values.push_back(a[(flow.layout().*table.unknown)(i)]);
@@ -117,7 +118,7 @@ void save_flow(const assembly::FlowSystem& flow, Vec q, const std::string& prefi
 }
 
 void resume_flow(const Checkpoint& checkpoint, const assembly::FlowSystem& flow, const std::string& prefix, Vec q) {
-  const assembly::VecWrite a(q);
+  const la::VecWrite a(q);
   for (const PressureTable& table : pressure_tables(flow)) {
     const auto values = checkpoint.rows(prefix + table.name, 1, owned(table.numbers, table.numbering.owned));
     for (Index i = 0; i < table.numbering.owned; ++i) a[(flow.layout().*table.unknown)(i)] = values[static_cast<std::size_t>(i)];

@@ -9,6 +9,7 @@
 #include "polyslip/la/field_split.hpp"
 #include "polyslip/la/options.hpp"
 #include "polyslip/la/reuse.hpp"
+#include "polyslip/la/vec_access.hpp"
 #include "polyslip/solver/pressure_multigrid.hpp"
 
 namespace polyslip::solver {
@@ -106,7 +107,7 @@ void CoupledSolver::split_fields(PC pc) {
 
   // b^2 |K|/K_dr on owned cells
   compressibility_ = system_.flow().layout().create_vector();
-  const assembly::VecWrite d(compressibility_);
+  const la::VecWrite d(compressibility_);
   const double s2 = std::pow(system_.pressure_scale(), 2);
   const int dim = system_.layout().dim();
   for (Index cell = 0; cell < system_.mesh().cells.owned; ++cell) {
@@ -122,7 +123,7 @@ void CoupledSolver::write_fixed_stress() {
   POLYSLIP_PETSC(VecDuplicate(compressibility_, diagonal.put()));
   POLYSLIP_PETSC(VecCopy(compressibility_, diagonal));
   if (system_.flow().layout().with_fractures()) {
-    const assembly::VecWrite d(diagonal);
+    const la::VecWrite d(diagonal);
     const mesh::DistributedMesh& mesh = system_.mesh();
     const double s2 = std::pow(system_.pressure_scale(), 2);
     for (Index f = 0; f < mesh.fractures.owned; ++f) {

@@ -4,6 +4,7 @@
 #include <cmath>
 
 #include "polyslip/common/mpi.hpp"
+#include "polyslip/la/vec_access.hpp"
 
 namespace polyslip::solver {
 
@@ -29,7 +30,7 @@ NonlinearElimination::NonlinearElimination(assembly::MechanicsSystem& system)
 }
 
 void NonlinearElimination::measure(Vec f) {
-  const assembly::VecRead rows(f);
+  const la::VecRead rows(f);
   const int dim = system_.layout().dim();
   sizes_.resize(static_cast<std::size_t>(system_.mesh().fractures.owned));
   double squares = 0;
@@ -134,14 +135,14 @@ bool NonlinearElimination::step(Vec x, Vec f) {
   if (!rows_.empty()) {
     const auto first = static_cast<PetscInt>(system_.layout().first());
     {
-      const assembly::VecRead from(condensed_rows_);
-      const assembly::VecWrite to(rhs_);
+      const la::VecRead from(condensed_rows_);
+      const la::VecWrite to(rhs_);
       for (std::size_t i = 0; i < rows_.size(); ++i) to[static_cast<Index>(i)] = from[static_cast<Index>(rows_[i] - first)];
     }
     POLYSLIP_PETSC(KSPSolve(ksp_, rhs_, solution_));
     POLYSLIP_PETSC(KSPGetConvergedReason(ksp_, &reason));
-    const assembly::VecRead from(solution_);
-    const assembly::VecWrite to(condensed_direction_);
+    const la::VecRead from(solution_);
+    const la::VecWrite to(condensed_direction_);
     for (std::size_t i = 0; i < rows_.size(); ++i) to[static_cast<Index>(rows_[i] - first)] = from[static_cast<Index>(i)];
   }
   if (mpi::any(system_.mesh().comm, reason < 0)) return false;

@@ -10,6 +10,7 @@
 
 #include "polyslip/assembly/mechanics_fields.hpp"
 #include "polyslip/common/mpi.hpp"
+#include "polyslip/la/vec_access.hpp"
 #include "polyslip/solver/contact_newton.hpp"
 #include "polyslip/solver/registration.hpp"
 #include "support/boxes.hpp"
@@ -152,7 +153,7 @@ struct Parts {
   std::vector<double> nodal, normal_bubble, bubble, multiplier;
 
   Parts(const assembly::Layout& layout, Vec x) {
-    const assembly::VecRead a(x);
+    const la::VecRead a(x);
     nodal.assign(a.data(), a.data() + layout.nodal_size());
     normal_bubble.assign(a.data() + layout.nodal_size(), a.data() + layout.displacement_size());
     bubble.assign(a.data() + layout.bubble_start(), a.data() + layout.multiplier_start());
@@ -165,7 +166,7 @@ inline la::Handle<Vec> random_vector(const assembly::MechanicsSystem& system, un
   la::Handle<Vec> v = system.layout().create_vector();
   std::mt19937 random(seed + 1000 * static_cast<unsigned>(mpi::rank(PETSC_COMM_WORLD)));
   std::uniform_real_distribution<double> value(-size, size);
-  const assembly::VecWrite a(v);
+  const la::VecWrite a(v);
   for (Index i = 0; i < system.layout().size(); ++i)
     a[i] = i < system.layout().displacement_size() && system.fixed()[i] ? 0.0 : value(random);
   return v;

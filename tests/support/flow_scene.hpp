@@ -9,6 +9,7 @@
 
 #include "polyslip/assembly/flow_fields.hpp"
 #include "polyslip/common/mpi.hpp"
+#include "polyslip/la/vec_access.hpp"
 #include "support/flow_shapes.hpp"
 
 namespace polyslip::tests {
@@ -99,7 +100,7 @@ class FlowScene {
   template <class Function>
   la::Handle<Vec> interpolate(Function&& f) const {
     la::Handle<Vec> v = system->layout().create_vector();
-    const assembly::VecWrite a(v);
+    const la::VecWrite a(v);
     const std::array<Index, 4> ends{mesh.cells.owned, mesh.cells.owned + mesh.flow.traces.owned,
                                     mesh.cells.owned + mesh.flow.traces.owned + mesh.fractures.owned, system->layout().size()};
     for (Index i = 0, kind = 0; i < system->layout().size(); ++i) {

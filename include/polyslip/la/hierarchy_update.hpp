@@ -20,9 +20,9 @@
 namespace polyslip::la {
 
 /// Gives the empty rows of coarse operators a diagonal: an aggregate with too few nodes for its modes leaves columns of the prolongation
-/// empty, and incomplete Cholesky would shift the diagonal of all rows until that one is positive. Nothing is ever restricted to these rows.
-/// Smoothers are set up for the operators as they are then. To be called after each full set-up; in a PCFIELDSPLIT for the hierarchies of its
-/// fields, others are left as they are.
+/// empty, and PETSc's incomplete Cholesky would shift the diagonal of all rows until that one is positive. Nothing is ever restricted to
+/// these rows. Smoothers are set up for the operators as they are then. To be called after each full set-up; in a PCFIELDSPLIT for the
+/// hierarchies of its fields, others are left as they are.
 void fill_empty_rows(PC pc);
 
 class HierarchyUpdate {

@@ -2,6 +2,7 @@
 #include <gtest/gtest.h>
 
 #include "polyslip/common/error.hpp"
+#include "polyslip/la/vec_access.hpp"
 #include "support/flow_scene.hpp"
 
 namespace polyslip {
@@ -124,7 +125,7 @@ TEST(flow_conditions, imposed_values_are_relative_to_the_reference_pressure_and_
   const auto loads = scene.system->load_assembler().at(4);
   la::Handle<Vec> initial = scene.system->layout().create_vector();
   scene.system->set_initial(0, initial);
-  const assembly::VecRead q(initial);
+  const la::VecRead q(initial);
   for (Index i = 0; i < scene.system->layout().size(); ++i) {
     EXPECT_NEAR(q[i], scene.system->fluxes().is_drop(i) ? 0 : 1, 1e-13) << "drops start from 0";
     EXPECT_NEAR(loads.imposed[i], scene.system->fixed()[i] ? 6 : 0, 1e-13);

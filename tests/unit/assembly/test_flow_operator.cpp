@@ -3,14 +3,15 @@
 
 #include <random>
 
+#include "polyslip/la/vec_access.hpp"
 #include "support/flow_scene.hpp"
 
 namespace polyslip {
 namespace {
 
 using namespace tests;
-using assembly::VecRead;
-using assembly::VecWrite;
+using la::VecRead;
+using la::VecWrite;
 
 double frobenius(Mat m) {
   PetscReal norm = 0;

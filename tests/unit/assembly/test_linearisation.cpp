@@ -5,6 +5,7 @@
 #include <Eigen/LU>
 
 #include "polyslip/assembly/saddle_matrix.hpp"
+#include "polyslip/la/vec_access.hpp"
 #include "support/contact_scene.hpp"
 
 namespace polyslip {
@@ -12,7 +13,7 @@ namespace {
 
 using namespace tests;
 using assembly::MechanicsSystem;
-using assembly::VecRead;
+using la::VecRead;
 using physics::ContactState;
 using Content = MechanicsSystem::MatrixContent;
 
@@ -37,7 +38,7 @@ class linearisation : public testing::TestWithParam<std::tuple<Shape, spaces::Bu
   void choose_states() {
     assembly::MechanicalState state = system_.layout().create_state();
     system_.layout().gather(scene_.x, state);
-    const assembly::VecWrite a(scene_.x);
+    const la::VecWrite a(scene_.x);
     for (Index f = 0; f < scene_.mesh.fractures.owned; ++f) {
       const auto turn = scene_.mesh.fractures.global(f) % 3;
       Vec3 z(turn == 0 ? -0.3 : 0.3, 0.1, -0.05);
@@ -136,7 +137,7 @@ TEST_P(linearisation, writes_again_only_what_has_changed_and_comes_to_the_matrix
     const auto closed = std::find_if(states.begin(), states.end(), [](ContactState state) { return state != ContactState::open; });
     const auto opened = closed == states.end() ? Index(-1) : static_cast<Index>(closed - states.begin());
     if (opened >= 0) {
-      const assembly::VecWrite a(scene_.x);
+      const la::VecWrite a(scene_.x);
       a[system_.layout().multiplier_start() + dim_ * opened] = -10;
     }
     system_.linearise(scene_.x, content);
@@ -179,7 +180,7 @@ TEST_P(linearisation, condensed_direction_solves_the_saddle_system) {
     la::Handle<Vec> nodal = system_.layout().create_displacement_vector(), direction = vector(), product = vector();
     {
       const VecRead a(y);
-      const assembly::VecWrite b(nodal);
+      const la::VecWrite b(nodal);
       std::copy_n(a.data(), system_.layout().displacement_size(), b.data());
     }
     system_.recover(f, nodal, direction);
@@ -236,7 +237,7 @@ class condensed_blocks : public testing::TestWithParam<Shape> {
 
   /// Multipliers and jumps that put every face in this state.
   void put(ContactState state) {
-    const assembly::VecWrite a(scene_.x);
+    const la::VecWrite a(scene_.x);
     const assembly::Layout& l = system_.layout();
     std::fill_n(a.data(), l.size(), 0.0);
     for (Index f = 0; f < l.fracture_size(); f += dim_) {
@@ -249,7 +250,7 @@ class condensed_blocks : public testing::TestWithParam<Shape> {
     la::Handle<Vec> v = system_.layout().create_displacement_vector();
     const la::Handle<Vec> all = random_vector(system_, seed);
     const VecRead a(all);
-    const assembly::VecWrite b(v);
+    const la::VecWrite b(v);
     std::copy_n(a.data(), system_.layout().displacement_size(), b.data());
     return v;
   }

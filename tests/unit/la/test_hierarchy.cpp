@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "polyslip/la/hierarchy_update.hpp"
+#include "polyslip/la/vec_access.hpp"
 
 namespace polyslip {
 namespace {
@@ -51,12 +52,9 @@ std::vector<double> coarse_diagonal(PC pc, PetscInt level) {
   POLYSLIP_PETSC(MatCreateVecs(matrix, nullptr, diagonal.put()));
   POLYSLIP_PETSC(MatGetDiagonal(matrix, diagonal));
   PetscInt n = 0;
-  const PetscScalar* values = nullptr;
   POLYSLIP_PETSC(VecGetLocalSize(diagonal, &n));
-  POLYSLIP_PETSC(VecGetArrayRead(diagonal, &values));
-  std::vector<double> copy(values, values + n);
-  POLYSLIP_PETSC(VecRestoreArrayRead(diagonal, &values));
-  return copy;
+  const la::VecRead values(diagonal);
+  return {values.data(), values.data() + n};
 }
 
 class hierarchy : public testing::Test {

@@ -3,6 +3,7 @@
 #include <cstdio>
 #include <memory>
 
+#include "polyslip/la/vec_access.hpp"
 #include "support/contact_scene.hpp"
 
 namespace polyslip {
@@ -103,7 +104,7 @@ class active_set_trace : public active_set_search {
   }
   [[nodiscard]] la::Handle<Vec> with_multiplier(double normal, double tangential = 0) const {
     la::Handle<Vec> x = scene_.system->layout().create_vector();
-    const assembly::VecWrite a(x);
+    const la::VecWrite a(x);
     for (Index i = scene_.system->layout().multiplier_start(); i < scene_.system->layout().size(); i += 2) {
       a[i] = normal;
       a[i + 1] = tangential;

@@ -1,6 +1,7 @@
 // Rock, contact and fluid in one step: exact derivatives through the condensation, solvers that agree, books that balance.
 #include <gtest/gtest.h>
 
+#include "polyslip/la/vec_access.hpp"
 #include "support/coupled_scene.hpp"
 
 namespace polyslip {
@@ -15,7 +16,7 @@ la::Handle<Vec> random_state(const CoupledSystem& system, unsigned seed, double 
   la::Handle<Vec> z = system.create_vector();
   std::mt19937 engine(seed + 17 * static_cast<unsigned>(mpi::rank(PETSC_COMM_WORLD)));
   std::uniform_real_distribution<double> uniform(-1, 1);
-  const assembly::VecWrite a(z);
+  const la::VecWrite a(z);
   const assembly::Layout& l = system.layout();
   for (Index i = 0; i < system.size(); ++i)
     a[i] = uniform(engine) * (i < l.multiplier_start() ? displacement : i < l.size() ? traction : pressure);
@@ -201,7 +202,7 @@ TEST(coupled_rows, are_measured_one_by_one_and_by_what_they_lose_together) {
   const auto measured = [&] {  // where all rows are 2
     system.residual(z, f);
     {
-      const assembly::VecWrite rows(f);
+      const la::VecWrite rows(f);
       for (Index i = first; i < system.size(); ++i) rows[i] = 2;
     }
     return system.norms(z, f);
@@ -211,7 +212,7 @@ TEST(coupled_rows, are_measured_one_by_one_and_by_what_they_lose_together) {
   scene.flow->set_loads(scene.flow->load_assembler().at(0));
   system.set_loads(system.load_assembler().at(0));
   {
-    const assembly::VecWrite q(z);
+    const la::VecWrite q(z);
     if (mpi::rank(PETSC_COMM_WORLD) == 0) q[first + scene.flow->layout().cell(0)] = 1;
   }
   const assembly::ResidualNorms one_cell = measured();
@@ -219,7 +220,7 @@ TEST(coupled_rows, are_measured_one_by_one_and_by_what_they_lose_together) {
   EXPECT_NEAR(one_cell.flow_loss, 2 * n, 1e-12 * n);
   EXPECT_NEAR(one_cell.flow_turnover, one_cell.flow_scale, 1e-12 * one_cell.flow_scale) << "one cell alone moves";
   {
-    const assembly::VecWrite q(z);
+    const la::VecWrite q(z);
     for (Index i = first; i < system.size(); ++i) q[i] = 1;
   }
   const assembly::ResidualNorms all = measured();
@@ -261,7 +262,7 @@ TEST(fixed_stress, depends_on_the_contact_at_hand_alone) {
     scene.flow->set_loads(scene.flow->load_assembler().at(1));
     system.set_loads(system.load_assembler().at(1));
     {
-      const assembly::VecWrite a(open), b(closed);
+      const la::VecWrite a(open), b(closed);
       for (Index i = system.layout().multiplier_start(); i < system.layout().size(); i += 3) a[i] = -1, b[i] = 1;
     }
     solver::CoupledSolver old(system), fresh(system);

@@ -2,6 +2,7 @@
 #include <gtest/gtest.h>
 
 #include "polyslip/common/error.hpp"
+#include "polyslip/la/vec_access.hpp"
 #include "polyslip/solver/flow_solver.hpp"
 #include "support/contact_scene.hpp"
 #include "support/flow_scene.hpp"
@@ -80,7 +81,7 @@ TEST_P(flow_series, pressure_drops_by_flux_over_transmissivity_on_each_side_of_a
   ASSERT_GT(scene.mesh.fractures.total, 0);
   solve(scene);
   const auto points = scene.points_by_side();
-  const assembly::VecRead q(scene.q);
+  const la::VecRead q(scene.q);
   for (Index i = 0; i < scene.system->layout().size(); ++i) {
     // A side's place is that of its face, moved a hair.
     const double hair = g.dot(points[i] - scene.point(i)), from = scene.system->fluxes().is_drop(i) ? exact(scene.point(i)) : 0.0;
@@ -286,7 +287,7 @@ TEST(flow_in_fractures, splits_at_crossings) {
       problem);
   solve(scene);
   double crossings = 0;
-  const assembly::VecRead q(scene.q);
+  const la::VecRead q(scene.q);
   for (Index r = 0; r < scene.mesh.flow.ridges.owned; ++r) {
     const Index i = scene.system->layout().ridge(r);
     if ((scene.point(i) - Vec3(0.5, 0.5, 0)).norm() > 1e-12) continue;

@@ -1,6 +1,7 @@
 // The solver of the condensed displacements across states of contact.
 #include <gtest/gtest.h>
 
+#include "polyslip/la/vec_access.hpp"
 #include "polyslip/solver/linear_solver.hpp"
 #include "support/contact_scene.hpp"
 #include "support/flow_scene.hpp"
@@ -21,7 +22,7 @@ physics::MechanicsProblem pushed_and_sheared(spaces::Bubbles bubbles) {
 /// Normal tractions of 1, and of -1 on one in `every` faces.
 la::Handle<Vec> pressed(const assembly::MechanicsSystem& system, Index every) {
   la::Handle<Vec> x = system.create_vector();
-  const assembly::VecWrite a(x);
+  const la::VecWrite a(x);
   const Index first = system.layout().multiplier_start(), dim = system.layout().dim();
   for (Index face = 0; face < system.mesh().fractures.owned; ++face) a[first + dim * face] = (face + 1) % every == 0 ? -1 : 1;
   return x;

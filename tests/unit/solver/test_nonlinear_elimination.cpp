@@ -1,5 +1,6 @@
 #include <gtest/gtest.h>
 
+#include "polyslip/la/vec_access.hpp"
 #include "polyslip/solver/nonlinear_elimination.hpp"
 #include "support/contact_scene.hpp"
 
@@ -22,7 +23,7 @@ struct nonlinear_elimination : testing::TestWithParam<Shape> {
     Disturbed() : ContactScene(box, mixed_contact(GetParam().dim)), f(system->create_vector()) {
       converged = solve().converged;
       solved_rows = contact_rows();
-      const assembly::VecWrite a(x);
+      const la::VecWrite a(x);
       const Index face = system->layout().fracture_size() / (2 * system->layout().dim());  // on each rank that has fracture faces
       for (Index k = 0; k < system->layout().dim() && system->layout().fracture_size() > 0; ++k)
         a[system->layout().multiplier_start() + system->layout().dim() * face + k] += 0.05 * (1 + k);
