@@ -36,7 +36,6 @@ class Rows {
   Rows(const Rows&) = delete;
   Rows& operator=(const Rows&) = delete;
 
-  [[nodiscard]] bool is_empty(PetscInt row) const { return offsets_[row] == offsets_[row + 1]; }
   /// Calls visit(row, column, value) for the entries of some rows.
   template <class Visit>
   void visit(PetscInt first, PetscInt count, Visit&& visit) const {
@@ -204,26 +203,16 @@ class BlockFactors final : public Factors {
 
   Numbering take_turns(Mat matrix, const Parts& parts, PetscMPIInt tag) {
     Numbering numbering;
-    std::vector<Index> ghost_of_column;
-    std::vector<char> is_at_border(static_cast<std::size_t>(nodes_), 0);
+    const std::vector<Index> ghost_of_column = find_ghosts(parts, numbering);
     std::vector<Neighbour> neighbours;
     int colour = 0;
     if (parts.others != nullptr) {
-      PetscInt columns = 0;
-      POLYSLIP_PETSC(MatGetSize(parts.others, nullptr, &columns));
-      for (PetscInt k = 0; k < columns; ++k) {
-        const PetscInt node = parts.global[k] / b;
-        if (numbering.ghosts.empty() || numbering.ghosts.back() != node) numbering.ghosts.push_back(node);
-        ghost_of_column.push_back(static_cast<Index>(numbering.ghosts.size()) - 1);
-      }
       neighbours = find_neighbours(comm_of(matrix), nodes_, numbering.ghosts);
       colour = choose_colours(comm_of(matrix), tag, neighbours);
-      const Rows others(parts.others);
-      for (PetscInt row = 0; row < nodes_ * b; ++row)
-        if (!others.is_empty(row)) is_at_border[static_cast<std::size_t>(row / b)] = 1;
-      for (const Neighbour& n : neighbours)
-        for (PetscInt node : n.nodes) is_at_border[static_cast<std::size_t>(node)] = 1;
     }
+    std::vector<char> is_seen(static_cast<std::size_t>(nodes_), 0);
+    for (const Neighbour& n : neighbours)
+      for (PetscInt node : n.nodes) is_seen[static_cast<std::size_t>(node)] = 1;
     PetscInt first = 0;
     POLYSLIP_PETSC(MatGetOwnershipRange(matrix, &first, nullptr));
     turn_of_.resize(static_cast<std::size_t>(nodes_));
@@ -232,15 +221,33 @@ class BlockFactors final : public Factors {
       numbering.of_turn.push_back(number);
       return static_cast<Index>(node_at_.size()) - 1;
     };
-    const auto append_own = [&](char at_border) {
+    const auto append_own = [&](char seen) {
       for (Index node = 0; node < nodes_; ++node)
-        if (is_at_border[static_cast<std::size_t>(node)] == at_border) turn_of_[static_cast<std::size_t>(node)] = append(node, first / b + node);
+        if (is_seen[static_cast<std::size_t>(node)] == seen) turn_of_[static_cast<std::size_t>(node)] = append(node, first / b + node);
     };
     append_ghosts(neighbours, colour, numbering, append);
     append_own(1);
     border_end_ = static_cast<Index>(node_at_.size());
     append_own(0);
     for (Index ghost : ghost_of_column) turn_of_column_.push_back(numbering.turn_of_ghost[static_cast<std::size_t>(ghost)]);
+    add_borders(neighbours, colour, numbering);
+    return numbering;
+  }
+
+  /// Returns the ghost of each column of the matrix of others.
+  static std::vector<Index> find_ghosts(const Parts& parts, Numbering& numbering) {
+    std::vector<Index> ghost_of_column;
+    PetscInt columns = 0;
+    if (parts.others != nullptr) POLYSLIP_PETSC(MatGetSize(parts.others, nullptr, &columns));
+    for (PetscInt k = 0; k < columns; ++k) {
+      const PetscInt node = parts.global[k] / b;
+      if (numbering.ghosts.empty() || numbering.ghosts.back() != node) numbering.ghosts.push_back(node);
+      ghost_of_column.push_back(static_cast<Index>(numbering.ghosts.size()) - 1);
+    }
+    return ghost_of_column;
+  }
+
+  void add_borders(const std::vector<Neighbour>& neighbours, int colour, const Numbering& numbering) {
     for (const Neighbour& n : neighbours) {
       const bool is_before = n.colour < colour;
       const std::vector<PetscInt>& members = is_before ? n.ghosts : n.nodes;
@@ -249,7 +256,6 @@ class BlockFactors final : public Factors {
       border.rank = n.rank;
       for (PetscInt i : members) border.turns.push_back((is_before ? numbering.turn_of_ghost : turn_of_)[static_cast<std::size_t>(i)]);
     }
-    return numbering;
   }
 
   /// Ghosts of a colour by their numbers: the order in which their ranks eliminate them.
