@@ -1,10 +1,10 @@
 #include "polyslip/la/hierarchy_update.hpp"
 
 #include <algorithm>
-#include <array>
 #include <utility>
 
 #include "polyslip/la/field_split.hpp"
+#include "polyslip/la/incomplete_cholesky.hpp"
 #include "polyslip/la/vec_access.hpp"
 
 namespace polyslip::la {
@@ -86,40 +86,19 @@ void set_up_smoothers(PC hierarchy, PetscInt levels) {
   }
 }
 
-/// Where -..._esteig sets the interval of a Chebyshev smoother from the largest eigenvalue alone: its ends relative to that.
-std::optional<std::pair<double, double>> chebyshev_interval(KSP smoother) {
-  PetscBool is_chebyshev = PETSC_FALSE, is_set = PETSC_FALSE;
-  const char* prefix = nullptr;
-  std::array<PetscReal, 4> transform{};  // smallest end: of the smallest and of the largest eigenvalue; the largest end likewise
-  PetscInt n = transform.size();
-  POLYSLIP_PETSC(PetscObjectTypeCompare(reinterpret_cast<PetscObject>(smoother), KSPCHEBYSHEV, &is_chebyshev));
-  POLYSLIP_PETSC(KSPGetOptionsPrefix(smoother, &prefix));
-  POLYSLIP_PETSC(PetscOptionsGetRealArray(nullptr, prefix, "-ksp_chebyshev_esteig", transform.data(), &n, &is_set));
-  if (!is_chebyshev || !is_set || n != 4 || transform[0] != 0 || transform[2] != 0) return {};
-  return std::pair{transform[1], transform[3]};
-}
-
-/// As a solved KSP that computes eigenvalues saw it.
-double largest_eigenvalue(KSP ksp) {
-  PetscInt n = 0;
-  POLYSLIP_PETSC(KSPGetIterationNumber(ksp, &n));
-  std::vector<PetscReal> real(static_cast<std::size_t>(n) + 1), imaginary(real.size());
-  POLYSLIP_PETSC(KSPComputeEigenvalues(ksp, static_cast<PetscInt>(real.size()), real.data(), imaginary.data(), &n));
-  return n > 0 ? *std::max_element(real.begin(), real.begin() + n) : 0;
-}
-
 }  // namespace
 
-void fill_empty_rows(PC pc) {
+void complete_hierarchy(PC pc) {
   for_each_field(pc, [](KSP field) {
     PC inner = nullptr;
     POLYSLIP_PETSC(KSPGetPC(field, &inner));
-    fill_empty_rows(inner);
+    complete_hierarchy(inner);
   });
   if (!HierarchyUpdate::can_update(pc)) return;
   const PetscInt coarse = levels_of(pc) - 1;
   for (PetscInt level = 0; level < coarse; ++level) fill_empty_rows_of(level_of(pc, level).second);
   set_up_smoothers(pc, coarse);
+  take_residuals_from_smoothers(pc);
 }
 
 HierarchyUpdate::HierarchyUpdate(Mat fine, std::vector<PetscInt> rows) : fine_(fine), rows_(std::move(rows)), change_(rows_of(fine, rows_)) {}
@@ -131,59 +110,11 @@ bool HierarchyUpdate::can_update(PC pc) {
   return levels_of(pc) > 1;
 }
 
-void HierarchyUpdate::is_set_up(PC pc) {
+void HierarchyUpdate::is_set_up() {
   fine_rows_ = {};
   coarse_changes_.clear();
   coarse_rows_.clear();
   for (PetscInt row : rows_) fine_rows_.keep(fine_, row);
-  describe_smoother(level_of(pc, levels_of(pc) - 1).first);
-}
-
-void HierarchyUpdate::describe_smoother(KSP smoother) {
-  constexpr double few = 1.0 / 3;  // rows that are looked at again in less time than all
-  interval_ = chebyshev_interval(smoother);
-  PetscInt all = 0, changing = 0;
-  POLYSLIP_PETSC(MatGetSize(fine_, &all, nullptr));
-  POLYSLIP_PETSC(ISCreateGeneral(comm_of(fine_), static_cast<PetscInt>(rows_.size()), rows_.data(), PETSC_COPY_VALUES, rows_that_change_.put()));
-  POLYSLIP_PETSC(ISGetSize(rows_that_change_, &changing));
-  KSP estimate = nullptr;
-  PC pc = nullptr, its_pc = nullptr;
-  const char *prefix = nullptr, *type = nullptr;
-  if (interval_) POLYSLIP_PETSC(KSPChebyshevEstEigGetKSP(smoother, &estimate));
-  if (estimate == nullptr || changing == 0 || changing > few * all) {  // none where the options give the eigenvalues
-    interval_.reset();
-    return;
-  }
-  eigenvalue_ = largest_eigenvalue(estimate);
-  // The same estimate with the same preconditioner, whatever the options say.
-  block_.reset();
-  POLYSLIP_PETSC(KSPCreate(comm_of(fine_), block_estimate_.put()));
-  POLYSLIP_PETSC(KSPGetOptionsPrefix(estimate, &prefix));
-  POLYSLIP_PETSC(KSPSetOptionsPrefix(block_estimate_, prefix));
-  POLYSLIP_PETSC(KSPGetPC(smoother, &its_pc));
-  POLYSLIP_PETSC(PCGetOptionsPrefix(its_pc, &prefix));
-  POLYSLIP_PETSC(PCGetType(its_pc, &type));
-  POLYSLIP_PETSC(KSPGetPC(block_estimate_, &pc));
-  POLYSLIP_PETSC(KSPSetType(block_estimate_, KSPGMRES));
-  POLYSLIP_PETSC(KSPSetTolerances(block_estimate_, 1e-12, 0.0, PETSC_DEFAULT, 10));  // PETSc's own
-  POLYSLIP_PETSC(KSPSetFromOptions(block_estimate_));
-  POLYSLIP_PETSC(PCSetType(pc, type));
-  POLYSLIP_PETSC(PCSetOptionsPrefix(pc, prefix));
-  POLYSLIP_PETSC(PCSetFromOptions(pc));
-  POLYSLIP_PETSC(KSPSetComputeEigenvalues(block_estimate_, PETSC_TRUE));
-}
-
-double HierarchyUpdate::eigenvalue_of_changing_rows() {
-  Mat block = block_;
-  Handle<Vec> noise, solution;
-  const bool is_first = block == nullptr;
-  POLYSLIP_PETSC(MatCreateSubMatrix(fine_, rows_that_change_, rows_that_change_, is_first ? MAT_INITIAL_MATRIX : MAT_REUSE_MATRIX, &block));
-  if (is_first) block_ = Handle<Mat>(block);
-  POLYSLIP_PETSC(MatCreateVecs(block, solution.put(), noise.put()));
-  POLYSLIP_PETSC(VecSetRandom(noise, nullptr));
-  POLYSLIP_PETSC(KSPSetOperators(block_estimate_, block, block));
-  POLYSLIP_PETSC(KSPSolve(block_estimate_, noise, solution));
-  return largest_eigenvalue(block_estimate_);
 }
 
 void HierarchyUpdate::write_change() {
@@ -250,10 +181,6 @@ void HierarchyUpdate::apply(PC pc) {
     }
     POLYSLIP_PETSC(MatAXPY(operator_matrix, 1.0, coarse, SUBSET_NONZERO_PATTERN));
     change = coarse;
-  }
-  if (interval_) {
-    const double largest = std::max(eigenvalue_, eigenvalue_of_changing_rows());
-    POLYSLIP_PETSC(KSPChebyshevSetEigenvalues(level_of(pc, levels - 1).first, interval_->second * largest, interval_->first * largest));
   }
   set_up_smoothers(pc, levels);
 }

@@ -2,499 +2,185 @@
 
 #include <petsc/private/pcimpl.h>  // a preconditioner of one's own
 
-#include <Eigen/Cholesky>
 #include <Eigen/Eigenvalues>
-#include <algorithm>
 #include <array>
+#include <cmath>
 #include <memory>
-#include <optional>
-#include <span>
-#include <utility>
-#include <vector>
+#include <random>
 
-#include "polyslip/common/types.hpp"
-#include "polyslip/la/rank_order.hpp"
+#include "polyslip/common/mpi.hpp"
+#include "polyslip/la/block_factors.hpp"
 #include "polyslip/la/vec_access.hpp"
 
 namespace polyslip::la {
 
 namespace {
 
-/// Read access to one of the two local matrices of a MATAIJ.
-class Rows {
- public:
-  explicit Rows(Mat matrix) : matrix_(matrix) {
-    PetscBool done = PETSC_FALSE;
-    POLYSLIP_PETSC(MatGetRowIJ(matrix_, 0, PETSC_FALSE, PETSC_FALSE, &rows_, &offsets_, &columns_, &done));
-    POLYSLIP_PETSC(MatSeqAIJGetArrayRead(matrix_, &values_));
-  }
-  ~Rows() {
-    PetscBool done = PETSC_FALSE;
-    (void)MatSeqAIJRestoreArrayRead(matrix_, &values_);
-    (void)MatRestoreRowIJ(matrix_, 0, PETSC_FALSE, PETSC_FALSE, &rows_, &offsets_, &columns_, &done);
-  }
-  Rows(const Rows&) = delete;
-  Rows& operator=(const Rows&) = delete;
-
-  /// Calls visit(row, column, value) for the entries of some rows.
-  template <class Visit>
-  void visit(PetscInt first, PetscInt count, Visit&& visit) const {
-    for (PetscInt row = first; row < first + count; ++row)
-      for (PetscInt at = offsets_[row]; at < offsets_[row + 1]; ++at) visit(row, columns_[at], values_[at]);
-  }
-
- private:
-  Mat matrix_;
-  PetscInt rows_ = 0;
-  const PetscInt *offsets_ = nullptr, *columns_ = nullptr;
-  const PetscScalar* values_ = nullptr;
-};
-
-/// The local parts of a MATAIJ: columns of this rank, and those of others (null on one rank) with their global numbers.
-struct Parts {
-  Mat own, others = nullptr;
-  const PetscInt* global = nullptr;
-
-  explicit Parts(Mat matrix) : own(matrix) {
-    PetscBool is_parallel = PETSC_FALSE;
-    POLYSLIP_PETSC(PetscObjectTypeCompare(reinterpret_cast<PetscObject>(matrix), MATMPIAIJ, &is_parallel));
-    if (is_parallel) POLYSLIP_PETSC(MatMPIAIJGetSeqAIJ(matrix, &own, &others, &global));
-  }
-};
-
-class Factors {
- public:
-  Factors() = default;
-  Factors(const Factors&) = delete;
-  Factors& operator=(const Factors&) = delete;
-  virtual ~Factors() = default;
-  /// False where an entry is not finite.
-  virtual bool factorise(Mat matrix) = 0;
-  virtual void apply(const PetscScalar* b, PetscScalar* x) = 0;
-  [[nodiscard]] virtual int block() const = 0;
-  [[nodiscard]] virtual Index damped() const = 0;
-};
-
-/// Blocks of b x b entries, row by row. Nodes have turns: first the ghosts of ranks of lower colours, then the nodes of this rank that others
-/// see, then those that none sees.
-template <int b>
-class BlockFactors final : public Factors {
- public:
-  BlockFactors(Mat matrix, PetscMPIInt tag) : exchange_(comm_of(matrix), tag) {
-    const Parts parts(matrix);
-    PetscInt rows = 0;
-    POLYSLIP_PETSC(MatGetLocalSize(matrix, &rows, nullptr));
-    nodes_ = rows / b;
-    const Numbering numbering = take_turns(matrix, parts, tag);
-    find_lower(parts, numbering);
-    const auto turns = static_cast<std::size_t>(nodes_ + ghosts_);
-    values_.resize(lower_.values.size() * size);
-    inverse_.resize(turns * size);
-    forward_.resize(turns * width);
-    solution_.resize(turns * width);
-    slot_.assign(turns, none);
-  }
-
-  bool factorise(Mat matrix) override {
-    const Parts parts(matrix);
-    const Entries entries(parts);
-    damped_ = 0;
-    bool is_finite = true;
-    for (Border& border : before_) receive_rows(border);
-    for (Index i = ghosts_; i < border_end_; ++i) is_finite = factorise_row(entries, i) && is_finite;
-    for (Border& border : after_) send_rows(border);
-    exchange_.finish();
-    for (Index i = border_end_; i < ghosts_ + nodes_; ++i) is_finite = factorise_row(entries, i) && is_finite;
-    return is_finite;
-  }
-
-  void apply(const PetscScalar* rhs, PetscScalar* x) override {
-    for (Border& border : before_) {
-      exchange_.receive(border.rank, buffer_);
-      for (std::size_t k = 0; k < border.turns.size(); ++k) lanes(at(forward_, border.turns[k], width)) = lanes(at(buffer_, k, width));
-    }
-    for (Index i = ghosts_; i < border_end_; ++i) forward(i, rhs);
-    for (Border& border : after_) send_lanes(border, forward_);
-    exchange_.finish();  // the others wait for it, and it need not go on its way without this rank's help
-    for (Index i = border_end_; i < ghosts_ + nodes_; ++i) forward(i, rhs);
-    std::fill(solution_.begin(), solution_.end(), 0.0F);
-    for (Index i = ghosts_ + nodes_ - 1; i >= border_end_; --i) backward(i, x);
-    for (Border& border : after_) {
-      exchange_.receive(border.rank, buffer_);
-      for (std::size_t k = 0; k < border.turns.size(); ++k) lanes(at(solution_, border.turns[k], width)) += lanes(at(buffer_, k, width));
-    }
-    for (Index i = border_end_ - 1; i >= ghosts_; --i) backward(i, x);
-    for (Border& border : before_) send_lanes(border, solution_);
-    exchange_.finish();
-  }
-
-  [[nodiscard]] int block() const override { return b; }
-  [[nodiscard]] Index damped() const override { return damped_; }
-
- private:
-  static constexpr int width = b == 3 ? 4 : b == 6 ? 8 : b;  ///< Of a row and of a node in memory: whole vectors of the processor.
-  static constexpr int size = b * width;
-  static constexpr Index none = -1;
-  using Block = Eigen::Matrix<double, b, b, Eigen::RowMajor>;
-  using Stored = Eigen::Map<Eigen::Matrix<float, b, b, Eigen::RowMajor>, Eigen::Unaligned, Eigen::OuterStride<width>>;
-  using Lanes = Eigen::Array<float, width, 1>;
-
-  /// What this rank has in common with another one.
-  struct Border {
-    int rank = 0;
-    std::vector<Index> turns;    ///< Nodes of the rank that is eliminated first: ghosts here, or nodes that are ghosts there.
-    Csr entries;                 ///< Of ghosts: where each entry of their rows of L that is told has its place in L here, or `none`.
-    std::vector<float> buffer;
-  };
-
-  /// Numbers of nodes over all ranks.
-  struct Numbering {
-    std::vector<GlobalIndex> of_turn, ghosts;  ///< `ghosts` ascending
-    std::vector<Index> turn_of_ghost;          ///< `none` for those of later ranks.
-
-    [[nodiscard]] Index turn_of(GlobalIndex ghost) const {
-      const auto found = std::lower_bound(ghosts.begin(), ghosts.end(), ghost);
-      return found == ghosts.end() || *found != ghost ? none : turn_of_ghost[static_cast<std::size_t>(found - ghosts.begin())];
-    }
-  };
-
-  /// The rows of the matrix by turns.
-  struct Entries {
-    Rows own;
-    std::optional<Rows> others;
-    const PetscInt* global;
-    explicit Entries(const Parts& parts) : own(parts.own), global(parts.global) {
-      if (parts.others != nullptr) others.emplace(parts.others);
-    }
-  };
-  /// Calls visit(turn, row in its block, column in its block, value) for the entries of a node, but for those of later ghosts.
-  template <class Visit>
-  void visit(const Entries& entries, Index node, Visit&& visit) const {
-    entries.own.visit(node * b, b, [&](PetscInt row, PetscInt column, PetscScalar value) {
-      visit(turn_of_[static_cast<std::size_t>(column / b)], row % b, column % b, value);
-    });
-    if (!entries.others) return;
-    entries.others->visit(node * b, b, [&](PetscInt row, PetscInt column, PetscScalar value) {
-      const Index turn = turn_of_column_[static_cast<std::size_t>(column)];
-      if (turn != none) visit(turn, row % b, entries.global[column] % b, value);
-    });
-  }
-
-  template <class I>
-  static float* at(std::vector<float>& values, I i, int n) {
-    return values.data() + static_cast<std::size_t>(i) * static_cast<std::size_t>(n);
-  }
-  static Block block_at(std::vector<float>& values, Index i) { return Stored(at(values, i, size)).template cast<double>(); }
-  static auto lanes(float* values) { return Eigen::Map<Lanes>(values); }
-  /// Products of the rows of blocks with vectors, summed up by lanes.
-  struct Sums {
-    std::array<Lanes, b> lanes_of_row;
-    Sums() { lanes_of_row.fill(Lanes::Zero()); }
-    void add(float* block, float* x) {
-      const Lanes factor = lanes(x);
-      for (int r = 0; r < b; ++r) lanes_of_row[r] += lanes(block + r * width) * factor;
-    }
-    [[nodiscard]] Lanes value() const {
-      Lanes y = Lanes::Zero();
-      for (int r = 0; r < b; ++r) y[r] = lanes_of_row[r].sum();
-      return y;
-    }
-  };
-
-  Numbering take_turns(Mat matrix, const Parts& parts, PetscMPIInt tag) {
-    Numbering numbering;
-    const std::vector<Index> ghost_of_column = find_ghosts(parts, numbering);
-    std::vector<Neighbour> neighbours;
-    int colour = 0;
-    if (parts.others != nullptr) {
-      neighbours = find_neighbours(comm_of(matrix), nodes_, numbering.ghosts);
-      colour = choose_colours(comm_of(matrix), tag, neighbours);
-    }
-    std::vector<char> is_seen(static_cast<std::size_t>(nodes_), 0);
-    for (const Neighbour& n : neighbours)
-      for (PetscInt node : n.nodes) is_seen[static_cast<std::size_t>(node)] = 1;
-    PetscInt first = 0;
-    POLYSLIP_PETSC(MatGetOwnershipRange(matrix, &first, nullptr));
-    turn_of_.resize(static_cast<std::size_t>(nodes_));
-    const auto append = [&](Index node, GlobalIndex number) {
-      node_at_.push_back(node);
-      numbering.of_turn.push_back(number);
-      return static_cast<Index>(node_at_.size()) - 1;
-    };
-    const auto append_own = [&](char seen) {
-      for (Index node = 0; node < nodes_; ++node)
-        if (is_seen[static_cast<std::size_t>(node)] == seen) turn_of_[static_cast<std::size_t>(node)] = append(node, first / b + node);
-    };
-    append_ghosts(neighbours, colour, numbering, append);
-    append_own(1);
-    border_end_ = static_cast<Index>(node_at_.size());
-    append_own(0);
-    for (Index ghost : ghost_of_column) turn_of_column_.push_back(numbering.turn_of_ghost[static_cast<std::size_t>(ghost)]);
-    add_borders(neighbours, colour, numbering);
-    return numbering;
-  }
-
-  /// Returns the ghost of each column of the matrix of others.
-  static std::vector<Index> find_ghosts(const Parts& parts, Numbering& numbering) {
-    std::vector<Index> ghost_of_column;
-    PetscInt columns = 0;
-    if (parts.others != nullptr) POLYSLIP_PETSC(MatGetSize(parts.others, nullptr, &columns));
-    for (PetscInt k = 0; k < columns; ++k) {
-      const PetscInt node = parts.global[k] / b;
-      if (numbering.ghosts.empty() || numbering.ghosts.back() != node) numbering.ghosts.push_back(node);
-      ghost_of_column.push_back(static_cast<Index>(numbering.ghosts.size()) - 1);
-    }
-    return ghost_of_column;
-  }
-
-  void add_borders(const std::vector<Neighbour>& neighbours, int colour, const Numbering& numbering) {
-    for (const Neighbour& n : neighbours) {
-      const bool is_before = n.colour < colour;
-      const std::vector<PetscInt>& members = is_before ? n.ghosts : n.nodes;
-      if (members.empty()) continue;
-      Border& border = (is_before ? before_ : after_).emplace_back();
-      border.rank = n.rank;
-      for (PetscInt i : members) border.turns.push_back((is_before ? numbering.turn_of_ghost : turn_of_)[static_cast<std::size_t>(i)]);
-    }
-  }
-
-  /// Ghosts of a colour by their numbers: the order in which their ranks eliminate them.
-  template <class Append>
-  void append_ghosts(const std::vector<Neighbour>& neighbours, int colour, Numbering& numbering, Append&& append) {
-    std::vector<std::pair<int, PetscInt>> order;
-    for (const Neighbour& n : neighbours)
-      if (n.colour < colour)
-        for (PetscInt ghost : n.ghosts) order.emplace_back(n.colour, ghost);
-    std::sort(order.begin(), order.end());
-    ghosts_ = static_cast<Index>(order.size());
-    numbering.turn_of_ghost.assign(numbering.ghosts.size(), none);
-    for (const auto& [its_colour, ghost] : order)
-      numbering.turn_of_ghost[static_cast<std::size_t>(ghost)] = append(none, numbering.ghosts[static_cast<std::size_t>(ghost)]);
-  }
-
-  /// The pattern of L: where the matrix has blocks, and of ghosts what their ranks tell.
-  void find_lower(const Parts& parts, const Numbering& numbering) {
-    const Entries entries(parts);
-    const Index turns = nodes_ + ghosts_;
-    std::vector<Index> seen(static_cast<std::size_t>(turns), none), columns;
-    std::vector<std::vector<Index>> rows_at_border(static_cast<std::size_t>(border_end_));
-    const auto find_row = [&](Index i, std::vector<Index>& row) {
-      row.clear();
-      visit(entries, node_at_[static_cast<std::size_t>(i)], [&](Index j, PetscInt, PetscInt, PetscScalar) {
-        if (j < i && std::exchange(seen[static_cast<std::size_t>(j)], i) != i) row.push_back(j);
-      });
-      std::sort(row.begin(), row.end());
-    };
-    lower_.offsets.reserve(static_cast<std::size_t>(turns) + 1);
-    for (Index i = ghosts_; i < border_end_; ++i) find_row(i, rows_at_border[static_cast<std::size_t>(i)]);
-    exchange_patterns(numbering, rows_at_border);
-    for (const std::vector<Index>& row : rows_at_border) lower_.push_row(row);
-    for (Index i = border_end_; i < turns; ++i) {
-      find_row(i, columns);
-      lower_.push_row(columns);
-    }
-    for (Border& border : before_)
-      for (std::size_t k = 0; k < border.turns.size(); ++k)
-        for (Index& place : border.entries[static_cast<Index>(k)])
-          if (place != none) place += lower_.offsets[border.turns[k]];
-  }
-
-  /// Sends the rows at the border to later ranks (of each its size, and the numbers of its columns at the border) and takes those of ghosts,
-  /// the columns that are ghosts here.
-  void exchange_patterns(const Numbering& numbering, std::vector<std::vector<Index>>& rows) {
-    std::vector<std::vector<PetscInt>> messages(after_.size());
-    for (std::size_t k = 0; k < after_.size(); ++k) {
-      for (Index turn : after_[k].turns) {
-        const std::vector<Index>& row = rows[static_cast<std::size_t>(turn)];
-        messages[k].push_back(static_cast<PetscInt>(row.size()));
-        for (Index j : row) messages[k].push_back(numbering.of_turn[static_cast<std::size_t>(j)]);
-      }
-      exchange_.send(after_[k].rank, messages[k]);
-    }
-    std::vector<PetscInt> message;
-    for (Border& border : before_) {
-      exchange_.receive(border.rank, message);
-      auto next = message.begin();
-      for (Index turn : border.turns) {
-        std::vector<Index>& row = rows[static_cast<std::size_t>(turn)];
-        std::vector<Index> places;
-        for (PetscInt n = *next++; n > 0; --n) {
-          const Index j = numbering.turn_of(*next++);
-          places.push_back(j == none ? none : static_cast<Index>(row.size()));
-          if (j != none) row.push_back(j);
-        }
-        border.entries.push_row(places);
-      }
-    }
-    exchange_.finish();
-  }
-
-  /// D_j^{-1} and what is told of row j of L, for the ghosts of a rank.
-  void receive_rows(Border& border) {
-    exchange_.receive(border.rank, buffer_);
-    const float* next = buffer_.data();
-    const auto take = [&](float* to) {
-      std::copy_n(next, size, to);
-      next += size;
-    };
-    std::array<float, static_cast<std::size_t>(size)> nowhere;
-    for (std::size_t k = 0; k < border.turns.size(); ++k) {
-      take(at(inverse_, border.turns[k], size));
-      for (Index place : border.entries[static_cast<Index>(k)]) take(place == none ? nowhere.data() : at(values_, place, size));
-    }
-  }
-  void send_rows(Border& border) {
-    border.buffer.clear();
-    const auto tell = [&](const float* block) { border.buffer.insert(border.buffer.end(), block, block + size); };
-    for (Index turn : border.turns) {
-      tell(at(inverse_, turn, size));
-      for (Index place = lower_.offsets[turn]; place < lower_.offsets[turn + 1]; ++place) tell(at(values_, place, size));
-    }
-    exchange_.send(border.rank, border.buffer);
-  }
-  void send_lanes(Border& border, std::vector<float>& values) {
-    border.buffer.clear();
-    for (Index turn : border.turns) border.buffer.insert(border.buffer.end(), at(values, turn, width), at(values, turn, width) + width);
-    exchange_.send(border.rank, border.buffer);
-  }
-
-  bool factorise_row(const Entries& entries, Index i) {
-    const std::span<const Index> lower = std::as_const(lower_)[i];
-    const Index first = lower_.offsets[i];
-    row_.assign(lower.size(), Block::Zero());  // W, at first A
-    for (std::size_t s = 0; s < lower.size(); ++s) slot_[static_cast<std::size_t>(lower[s])] = static_cast<Index>(s);
-    Block diagonal = Block::Zero();
-    visit(entries, node_at_[static_cast<std::size_t>(i)], [&](Index j, PetscInt r, PetscInt c, PetscScalar value) {
-      if (j < i)
-        row_[static_cast<std::size_t>(slot_[static_cast<std::size_t>(j)])](r, c) = value;
-      else if (j == i)
-        diagonal(r, c) = value;
-    });
-    Block d = diagonal;
-    for (std::size_t s = 0; s < lower.size(); ++s) {
-      const Index j = lower[s];
-      Block& w = row_[s];
-      for (Index t = lower_.offsets[j]; t < lower_.offsets[j + 1]; ++t) {
-        const Index u = slot_[static_cast<std::size_t>(lower_.values[static_cast<std::size_t>(t)])];
-        if (u != none) w.noalias() -= row_[static_cast<std::size_t>(u)] * block_at(values_, t).transpose();
-      }
-      const Block l = w * block_at(inverse_, j);
-      d.noalias() -= w * l.transpose();
-      Stored(at(values_, first + static_cast<Index>(s), size)) = l.template cast<float>();
-    }
-    for (const Index j : lower) slot_[static_cast<std::size_t>(j)] = none;
-    return invert(diagonal, d, safe(i), at(inverse_, i, size));
-  }
-
-  /// How much of A_ii must be left in D_i. Few pivots within are as small as this, and to damp more costs iterations (a tenth of P1's with 0.2).
-  /// At borders, which come first, less than 0.3 leaves single eigenvalues of A M^{-1} of 6 on tetrahedra where faces stick: Chebyshev's
-  /// estimate misses them, and two to three ranks took half as many iterations again.
-  [[nodiscard]] double safe(Index i) const { return i < border_end_ ? 0.3 : 0.05; }
-
-  /// The inverse of D_i, where that is at least `least` A_ii in all directions; else of A_ii - omega (A_ii - D_i) with the largest omega for
-  /// which this holds. Where A_ii is singular that of its diagonal, with 0 for empty rows: an aggregate with too few nodes for its modes leaves
-  /// such behind, and nothing is restricted to them.
-  bool invert(const Block& diagonal, const Block& d, double least, float* inverse) {
-    if (!d.allFinite()) return false;
-    Block result;
-    if (Eigen::LLT<Block>(diagonal).info() != Eigen::Success) {
-      result = diagonal.diagonal().unaryExpr([](double a) { return a > 0 ? 1 / a : 0; }).asDiagonal();
-      ++damped_;
-    } else if (Eigen::LLT<Block>(d - least * diagonal).info() == Eigen::Success) {
-      result = d.llt().solve(Block::Identity());
-    } else {
-      const double lowest = Eigen::GeneralizedSelfAdjointEigenSolver<Block>(d, diagonal, Eigen::EigenvaluesOnly).eigenvalues().minCoeff();
-      const double omega = (1 - least) / (1 - lowest);
-      result = (diagonal - omega * (diagonal - d)).llt().solve(Block::Identity());
-      ++damped_;
-    }
-    Stored{inverse} = result.template cast<float>();
-    return true;
-  }
-
-  /// (I + L) y = b
-  void forward(Index i, const PetscScalar* rhs) {
-    Sums sums;
-    for (Index t = lower_.offsets[i]; t < lower_.offsets[i + 1]; ++t)
-      sums.add(at(values_, t, size), at(forward_, lower_.values[static_cast<std::size_t>(t)], width));
-    Lanes y = Lanes::Zero();
-    for (int c = 0; c < b; ++c) y[c] = static_cast<float>(rhs[node_at_[static_cast<std::size_t>(i)] * b + c]);
-    lanes(at(forward_, i, width)) = y - sums.value();
-  }
-
-  /// D (I + L)^T x = y, and to the rows below what they lose by x_i.
-  void backward(Index i, PetscScalar* x) {
-    Sums sums;
-    sums.add(at(inverse_, i, size), at(forward_, i, width));
-    const Lanes solution = lanes(at(solution_, i, width)) + sums.value();
-    for (Index t = lower_.offsets[i + 1] - 1; t >= lower_.offsets[i]; --t) {  // downwards in memory throughout, for its prefetcher
-      float* block = at(values_, t, size);
-      Lanes change = lanes(block) * solution[0];
-      for (int r = 1; r < b; ++r) change += lanes(block + r * width) * solution[r];
-      lanes(at(solution_, lower_.values[static_cast<std::size_t>(t)], width)) -= change;
-    }
-    for (int c = 0; c < b; ++c) x[node_at_[static_cast<std::size_t>(i)] * b + c] = static_cast<double>(solution[c]);
-  }
-
-  Index nodes_ = 0, border_end_ = 0, ghosts_ = 0, damped_ = 0;
-  std::vector<Index> node_at_, turn_of_;  ///< Node by its turn, `none` for ghosts; and back.
-  std::vector<Index> turn_of_column_;     ///< Of the matrix of others; `none` for ghosts of later ranks.
-  Csr lower_;                             ///< Columns of L by turns.
-  std::vector<float> values_, inverse_;   ///< L_ij; D_i^{-1}
-  Exchange exchange_;
-  std::vector<Border> before_, after_;  ///< Ranks that are eliminated before and after this one.
-  // Work space.
-  std::vector<Index> slot_;
-  std::vector<Block> row_;
-  std::vector<float> forward_, solution_, buffer_;
-};
-
-std::unique_ptr<Factors> factors_of(Mat matrix, PetscMPIInt tag) {
-  PetscInt block = 0;
-  POLYSLIP_PETSC(MatGetBlockSize(matrix, &block));
-  switch (block) {
-    case 2: return std::make_unique<BlockFactors<2>>(matrix, tag);
-    case 3: return std::make_unique<BlockFactors<3>>(matrix, tag);
-    case 6: return std::make_unique<BlockFactors<6>>(matrix, tag);
-    default: return std::make_unique<BlockFactors<1>>(matrix, tag);
-  }
-}
+using Values = BlockFactors::Values;
 
 /// What PETSc keeps of a preconditioner of this type.
 struct Data {
+  PetscInt steps = 0, estimate_its = 5;
+  std::array<PetscReal, 2> interval{0.3, 1.1};
   PetscMPIInt tag = 0;
-  std::unique_ptr<Factors> factors;
+  std::unique_ptr<BlockFactors> factors;
+  double largest_eigenvalue = 0;
+  Values b, x, change, r, z;  ///< Work space.
 };
 
 Data& data_of(PC pc) { return *static_cast<Data*>(pc->data); }
+
+/// The largest eigenvalue of M^{-1} A as conjugate gradients see it from noise, by the matrix of Lanczos' method that their coefficients make
+/// (Golub and Van Loan, Matrix Computations, section 11.3).
+double estimate_largest_eigenvalue(Data& data, Mat matrix) {
+  BlockFactors& factors = *data.factors;
+  const MPI_Comm comm = comm_of(matrix);
+  Values &r = data.r, &z = data.z, &p = data.change, &q = data.x;
+  const auto owned = [&](Values& values) { return factors.owned(values); };
+  const auto dot = [&](Values& v, Values& w) { return mpi::sum(comm, (owned(v).cast<double>() * owned(w).cast<double>()).sum()); };
+  PetscInt rows = 0;
+  POLYSLIP_PETSC(MatGetLocalSize(matrix, &rows, nullptr));
+  std::minstd_rand generator(static_cast<unsigned>(mpi::rank(comm)) + 1);
+  std::uniform_real_distribution<PetscScalar> noise(-1, 1);
+  std::vector<PetscScalar> start(static_cast<std::size_t>(rows));
+  for (PetscScalar& value : start) value = noise(generator);
+  factors.gather(start.data(), r);
+  factors.solve(r, z);
+  owned(p) = owned(z);
+  double rho = dot(r, z), alpha = 1, beta = 0;
+  const double solved = 1e-10 * rho;  // where M is exact nothing but rounding is left after one iteration
+  Eigen::VectorXd diagonal(data.estimate_its), beside(data.estimate_its);
+  Eigen::Index n = 0;
+  while (n < data.estimate_its && rho > solved) {
+    factors.multiply(p, q);
+    const double energy = dot(p, q);
+    if (!(energy > 0)) break;
+    diagonal[n] = beta / alpha;
+    alpha = rho / energy;
+    diagonal[n] += 1 / alpha;
+    owned(r) -= static_cast<float>(alpha) * owned(q);
+    factors.solve(r, z);
+    const double next = dot(r, z);
+    beta = next / rho;
+    rho = next;
+    owned(p) = owned(z) + static_cast<float>(beta) * owned(p);
+    beside[n++] = std::sqrt(std::max(beta, 0.0)) / alpha;
+  }
+  if (n == 0) return 0;
+  Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> solver;
+  solver.computeFromTridiagonal(diagonal.head(n), beside.head(n - 1), Eigen::EigenvaluesOnly);
+  return solver.eigenvalues().maxCoeff();
+}
+
+/// Chebyshev's iteration for A x = b (Saad, Iterative Methods for Sparse Linear Systems, algorithm 12.1).
+void iterate(Data& data, bool from_zero) {
+  BlockFactors& factors = *data.factors;
+  const auto owned = [&](Values& values) { return factors.owned(values); };
+  const auto [low, high] = data.interval;
+  const double centre = (high + low) / 2 * data.largest_eigenvalue, radius = (high - low) / 2 * data.largest_eigenvalue;
+  const double sigma = centre / radius;
+  double rho = 1 / sigma;
+  for (PetscInt step = 0; step < data.steps; ++step) {
+    if (step == 0 && from_zero) {
+      factors.solve(data.b, data.z);
+    } else {
+      factors.multiply(data.x, data.r);
+      owned(data.r) = owned(data.b) - owned(data.r);
+      factors.solve(data.r, data.z);
+    }
+    if (step == 0) {
+      owned(data.change) = static_cast<float>(1 / centre) * owned(data.z);
+    } else {
+      const double next = 1 / (2 * sigma - rho);
+      owned(data.change) = static_cast<float>(next * rho) * owned(data.change) + static_cast<float>(2 * next / radius) * owned(data.z);
+      rho = next;
+    }
+    if (step == 0 && from_zero)
+      owned(data.x) = owned(data.change);
+    else
+      owned(data.x) += owned(data.change);
+  }
+}
+
+PetscErrorCode set_from_options(PC pc, PetscOptionItems* PetscOptionsObject) {  // NOLINT: the name that PETSc's macros take
+  PetscFunctionBeginUser;
+  Data& data = data_of(pc);
+  PetscInt n = 2;
+  PetscOptionsHeadBegin(PetscOptionsObject, "block_icc");
+  PetscCall(PetscOptionsInt("-pc_block_icc_steps", "steps of Chebyshev's iteration; 0: the factors alone", nullptr, data.steps, &data.steps, nullptr));
+  PetscCall(PetscOptionsRealArray("-pc_block_icc_interval", "its ends, relative to the largest eigenvalue", nullptr, data.interval.data(), &n, nullptr));
+  PetscCall(PetscOptionsInt("-pc_block_icc_estimate_its", "iterations that estimate this", nullptr, data.estimate_its, &data.estimate_its, nullptr));
+  PetscOptionsHeadEnd();
+  PetscCheck(data.steps >= 0 && data.estimate_its > 0 && data.interval[0] > 0 && data.interval[0] < data.interval[1], comm_of(pc),
+             PETSC_ERR_USER_INPUT, "block_icc: steps %d, estimate_its %d, interval %g,%g: need steps >= 0, its >= 1, 0 < low < high",
+             data.steps, data.estimate_its, data.interval[0], data.interval[1]);
+  PetscFunctionReturn(0);
+}
 
 PetscErrorCode set_up(PC pc) {
   PetscFunctionBeginUser;
   Data& data = data_of(pc);
   PetscBool is_aij = PETSC_FALSE;
   PetscCall(PetscObjectTypeCompareAny(reinterpret_cast<PetscObject>(pc->pmat), &is_aij, MATSEQAIJ, MATMPIAIJ, ""));
-  PetscCheck(is_aij, PetscObjectComm(reinterpret_cast<PetscObject>(pc)), PETSC_ERR_SUP, "block_icc takes matrices of type aij");
+  PetscCheck(is_aij, comm_of(pc), PETSC_ERR_SUP, "block_icc takes matrices of type aij");
   if (data.tag == 0) PetscCall(PetscObjectGetNewTag(reinterpret_cast<PetscObject>(pc), &data.tag));
-  if (pc->setupcalled == 0 || pc->flag == DIFFERENT_NONZERO_PATTERN) PetscCallCXX(data.factors = factors_of(pc->pmat, data.tag));
+  if (pc->setupcalled == 0 || pc->flag == DIFFERENT_NONZERO_PATTERN) {
+    PetscCallCXX(data.factors = block_factors(pc->pmat, data.tag, data.steps > 0));
+    for (Values* values : {&data.b, &data.x, &data.change, &data.r, &data.z}) *values = data.factors->zeros();
+  }
   bool is_finite = false;
   PetscCallCXX(is_finite = data.factors->factorise(pc->pmat));
+  if (is_finite && data.steps > 0) {
+    PetscCallCXX(data.largest_eigenvalue = estimate_largest_eigenvalue(data, pc->pmat));
+    if (data.largest_eigenvalue == 0) data.largest_eigenvalue = 1;  // no rows, or empty ones
+    is_finite = std::isfinite(data.largest_eigenvalue);
+  }
   pc->failedreason = is_finite ? PC_NOERROR : PC_FACTOR_OTHER;
   PetscFunctionReturn(0);
 }
 
 PetscErrorCode apply(PC pc, Vec b, Vec x) {
   PetscFunctionBeginUser;
-  PetscCallCXX(data_of(pc).factors->apply(VecRead(b).data(), VecWrite(x).data()));
+  Data& data = data_of(pc);
+  PetscCallCXX(data.factors->gather(VecRead(b).data(), data.b));
+  if (data.steps > 0) {
+    PetscCallCXX(iterate(data, true));
+  } else {
+    PetscCallCXX(data.factors->solve(data.b, data.x));
+  }
+  PetscCallCXX(data.factors->scatter(data.x, VecWrite(x).data()));
+  PetscFunctionReturn(0);
+}
+
+PetscErrorCode apply_richardson(PC pc, Vec b, Vec x, Vec, PetscReal, PetscReal, PetscReal, PetscInt its, PetscBool from_zero, PetscInt* done,
+                                PCRichardsonConvergedReason* reason) {
+  PetscFunctionBeginUser;
+  Data& data = data_of(pc);
+  PetscBool is_known = PETSC_FALSE;
+  PetscReal norm = 0;
+  PetscCallCXX(data.factors->gather(VecRead(b).data(), data.b));
+  // PCMG says that smoothers start from something before it has anything, and sets that to zero: a vector knows its norm then.
+  PetscCall(VecNormAvailable(x, NORM_2, &is_known, &norm));
+  const bool is_zero = from_zero || (is_known && norm == 0);
+  if (!is_zero) PetscCallCXX(data.factors->gather(VecRead(x).data(), data.x));
+  for (PetscInt i = 0; i < its; ++i) PetscCallCXX(iterate(data, is_zero && i == 0));
+  PetscCallCXX(data.factors->scatter(data.x, VecWrite(x).data()));
+  *done = its;
+  *reason = PCRICHARDSON_CONVERGED_ITS;
   PetscFunctionReturn(0);
 }
 
 PetscErrorCode view(PC pc, PetscViewer viewer) {
   PetscFunctionBeginUser;
+  const Data& data = data_of(pc);
   PetscBool ascii = PETSC_FALSE;
   PetscCall(PetscObjectTypeCompare(reinterpret_cast<PetscObject>(viewer), PETSCVIEWERASCII, &ascii));
-  if (ascii && data_of(pc).factors)
-    PetscCall(PetscViewerASCIIPrintf(viewer, "  blocks of %d in single precision, %d diagonal blocks of rank 0 damped\n",
-                                     data_of(pc).factors->block(), data_of(pc).factors->damped()));
+  if (!ascii || !data.factors) PetscFunctionReturn(0);
+  PetscCall(PetscViewerASCIIPrintf(viewer, "  blocks of %d in single precision, %d diagonal blocks of rank 0 damped\n", data.factors->block(),
+                                   data.factors->damped()));
+  if (data.steps > 0)
+    PetscCall(PetscViewerASCIIPrintf(viewer, "  %d steps of Chebyshev's iteration on [%g, %g] x %g\n", data.steps, data.interval[0],
+                                     data.interval[1], data.largest_eigenvalue));
   PetscFunctionReturn(0);
 }
 
@@ -513,9 +199,11 @@ PetscErrorCode destroy(PC pc) {
 
 PetscErrorCode create(PC pc) {
   PetscFunctionBeginUser;
+  pc->ops->setfromoptions = set_from_options;
   pc->ops->setup = set_up;
   pc->ops->apply = apply;
   pc->ops->applytranspose = apply;
+  pc->ops->applyrichardson = apply_richardson;
   pc->ops->view = view;
   pc->ops->reset = reset;
   pc->ops->destroy = destroy;
@@ -523,7 +211,59 @@ PetscErrorCode create(PC pc) {
   PetscFunctionReturn(0);
 }
 
+bool iterates(PC pc) {
+  PetscBool is_block_icc = PETSC_FALSE;
+  POLYSLIP_PETSC(PetscObjectTypeCompare(reinterpret_cast<PetscObject>(pc), block_icc, &is_block_icc));
+  return is_block_icc && data_of(pc).steps > 0;
+}
+
+/// r = b - A x, A the matrix that a preconditioner keeps.
+PetscErrorCode residual(Mat shell, Vec b, Vec x, Vec r) {
+  PetscFunctionBeginUser;
+  PC pc = nullptr;
+  PetscCall(MatShellGetContext(shell, &pc));
+  Data& data = data_of(pc);
+  PetscCallCXX(data.factors->gather(VecRead(b).data(), data.b));
+  PetscCallCXX(data.factors->gather(VecRead(x).data(), data.x));
+  PetscCallCXX(data.factors->multiply(data.x, data.r));
+  PetscCallCXX(data.factors->owned(data.r) = data.factors->owned(data.b) - data.factors->owned(data.r));
+  PetscCallCXX(data.factors->scatter(data.r, VecWrite(r).data()));
+  PetscFunctionReturn(0);
+}
+
+PetscErrorCode forget_preconditioner(Mat shell) {
+  PetscFunctionBeginUser;
+  PC pc = nullptr;
+  PetscCall(MatShellGetContext(shell, &pc));
+  PetscCall(PetscObjectDereference(reinterpret_cast<PetscObject>(pc)));
+  PetscFunctionReturn(0);
+}
+
 }  // namespace
+
+double largest_eigenvalue(PC pc) { return data_of(pc).largest_eigenvalue; }
+
+void take_residuals_from_smoothers(PC hierarchy) {
+  PetscInt levels = 0;
+  POLYSLIP_PETSC(PCMGGetLevels(hierarchy, &levels));
+  for (PetscInt level = 1; level < levels; ++level) {
+    KSP smoother = nullptr;
+    PC pc = nullptr;
+    Mat matrix = nullptr;
+    PetscInt rows = 0, columns = 0;
+    POLYSLIP_PETSC(PCMGGetSmoother(hierarchy, level, &smoother));
+    POLYSLIP_PETSC(KSPGetPC(smoother, &pc));
+    if (!iterates(pc)) continue;
+    POLYSLIP_PETSC(KSPGetOperators(smoother, nullptr, &matrix));
+    POLYSLIP_PETSC(MatGetLocalSize(matrix, &rows, &columns));
+    Handle<Mat> shell;
+    POLYSLIP_PETSC(MatCreateShell(comm_of(pc), rows, columns, PETSC_DETERMINE, PETSC_DETERMINE, pc, shell.put()));
+    POLYSLIP_PETSC(PetscObjectReference(reinterpret_cast<PetscObject>(pc)));
+    POLYSLIP_PETSC(MatShellSetOperation(shell, MATOP_RESIDUAL, reinterpret_cast<void (*)()>(residual)));
+    POLYSLIP_PETSC(MatShellSetOperation(shell, MATOP_DESTROY, reinterpret_cast<void (*)()>(forget_preconditioner)));
+    POLYSLIP_PETSC(PCMGSetResidual(hierarchy, level, PCMGResidualDefault, shell));
+  }
+}
 
 PetscErrorCode register_block_icc() {
   PetscFunctionBeginUser;

@@ -28,6 +28,22 @@ std::string default_split(const std::string& prefix) {
   return nodal;
 }
 
+/// Steps of Chebyshev's iteration.
+void default_smoother(const std::string& prefix, int steps) {
+  const auto is_chosen = [&](const char* name, const char* value) { return la::user_chooses(prefix.c_str(), name, value); };
+  const std::string number = std::to_string(steps);
+  // Jacobi's smoother takes two to three times the iterations, the more so beside fractures, where rows differ in size.
+  la::default_option(prefix, "pc_type", la::block_icc);
+  const bool iterates = is_chosen("-pc_type", la::block_icc);
+  la::default_option(prefix, "ksp_type", iterates ? "richardson" : "chebyshev");
+  if (iterates && is_chosen("-ksp_type", "richardson")) {
+    la::default_option(prefix, "ksp_max_it", "1");
+    la::default_option(prefix, "pc_block_icc_steps", number.c_str());
+  } else {
+    la::default_option(prefix, "ksp_max_it", number.c_str());
+  }
+}
+
 }  // namespace
 
 PCType displacement_multigrid(const assembly::MechanicsSystem& system) { return is_split(system) ? PCFIELDSPLIT : PCGAMG; }
@@ -50,13 +66,7 @@ void default_displacement_multigrid(const assembly::MechanicsSystem& system, con
   if (system.layout().dim() == 3) la::default_option(p, "pc_gamg_aggressive_coarsening", "2");
   la::default_option(p, "pc_gamg_use_sa_esteig", "false");
   la::default_option(p, "pc_use_amat", "false");  // smoothers take the symmetric matrix, whatever the Krylov method applies
-  la::default_option(p, "mg_levels_ksp_type", "chebyshev");
-  la::default_option(p, "mg_levels_ksp_max_it", std::to_string(smoothing_steps).c_str());
-  // Incomplete Cholesky leaves few large eigenvalues. Five iterations estimate them as well as ten if a tenth is added for safety.
-  la::default_option(p, "mg_levels_ksp_chebyshev_esteig", "0,0.3,0,1.1");
-  la::default_option(p, "mg_levels_esteig_ksp_max_it", "5");
-  // Jacobi's smoother takes two to three times the iterations, the more so beside fractures, where rows differ in size.
-  la::default_option(p, "mg_levels_pc_type", la::block_icc);
+  default_smoother(p + "mg_levels_", smoothing_steps);
 }
 
 void split_displacement(const assembly::MechanicsSystem& system, PC pc) {
@@ -83,7 +93,7 @@ void DisplacementHierarchy::set_up(KSP ksp) {
     follow(ksp);
     if (!la::HierarchyUpdate::can_update(pc)) return;
     changes_.emplace(system_.matrix(), system_.changing_rows());
-    changes_->is_set_up(pc);
+    changes_->is_set_up();
   });
   follow(ksp);
 }
@@ -100,7 +110,7 @@ bool DisplacementHierarchy::follow(KSP ksp) {
   POLYSLIP_PETSC(KSPSetOperators(ksp, applied, matrix));  // or a block of a split would be left as it was set up first
   la::reuse_preconditioner(ksp, false);
   la::set_up_with_fields(ksp);
-  la::fill_empty_rows(pc);
+  la::complete_hierarchy(pc);
   la::reuse_preconditioner(ksp, true);
   return true;
 }

@@ -4,26 +4,21 @@
 // With A^0 the matrices at the set-up, dA the change of those rows since, P_l the prolongations:
 //   dA_{l-1} = P_l^T dA_l P_l,   A_{l-1} = A^0_{l-1} + dA_{l-1}   from the finest level down,
 // the same coarse operators as a full set-up with the old aggregates, at the cost of the rows that changed. They depend on the matrix of the
-// set-up and on the one at hand, to the bit, and on none between. Smoothers and the coarsest factorisation are set up for them, and
-// Chebyshev's eigenvalues estimated again: where faces stick, incomplete Cholesky leaves twice as large ones as where they are open. On the
-// finest level, if the changing rows are few, the largest one is taken to be that of the set-up or that of the block of these rows alone,
-// whichever is larger. The block's was .84 to 1.06 of that of all rows (2D and 3D), and is had for a part of the cost: a twentieth of the time
-// of a contact problem of 421000 unknowns.
+// set-up and on the one at hand, to the bit, and on none between. Smoothers and the coarsest factorisation are set up for them, and the
+// smoothers' eigenvalues estimated again: where faces stick, incomplete Cholesky leaves twice as large ones as where they are open.
 #pragma once
 
-#include <optional>
-#include <utility>
 #include <vector>
 
 #include "polyslip/la/handle.hpp"
 
 namespace polyslip::la {
 
+/// What is left to do after each full set-up of a hierarchy; in a PCFIELDSPLIT of those of its fields, others are left as they are.
 /// Gives the empty rows of coarse operators a diagonal: an aggregate with too few nodes for its modes leaves columns of the prolongation
 /// empty, and PETSc's incomplete Cholesky would shift the diagonal of all rows until that one is positive. Nothing is ever restricted to
-/// these rows. Smoothers are set up for the operators as they are then. To be called after each full set-up; in a PCFIELDSPLIT for the
-/// hierarchies of its fields, others are left as they are.
-void fill_empty_rows(PC pc);
+/// these rows. Smoothers are set up for the operators as they are then, and those of block_icc make the residuals of their levels.
+void complete_hierarchy(PC pc);
 
 class HierarchyUpdate {
  public:
@@ -33,8 +28,8 @@ class HierarchyUpdate {
   /// Whether a preconditioner is a hierarchy that this can bring up to date: GAMG or ML, set up, with more than one level.
   [[nodiscard]] static bool can_update(PC pc);
 
-  /// Remembers the rows as they are: a full set-up of `pc` has just used them.
-  void is_set_up(PC pc);
+  /// Remembers the rows as they are: a full set-up has just used them.
+  void is_set_up();
   /// Brings all coarse operators of `pc` up to date with the rows as they are now, and all smoothers.
   void apply(PC pc);
 
@@ -47,9 +42,6 @@ class HierarchyUpdate {
     void put_back(Mat matrix) const;
   };
   void write_change();
-  void describe_smoother(KSP smoother);
-  /// The largest of the preconditioned block of the rows that may change, as they are now.
-  double eigenvalue_of_changing_rows();
 
   Mat fine_;
   std::vector<PetscInt> rows_;
@@ -58,12 +50,6 @@ class HierarchyUpdate {
   // Of the other levels, finest first; empty until the first update of a hierarchy.
   std::vector<Handle<Mat>> coarse_changes_;  ///< dA
   std::vector<Rows> coarse_rows_;            ///< Rows of A^0 that dA has.
-  // Of the finest smoother.
-  std::optional<std::pair<double, double>> interval_;  ///< Its ends, relative to the largest eigenvalue; where that is estimated here.
-  double eigenvalue_ = 0;                              ///< The largest at the set-up.
-  Handle<IS> rows_that_change_;
-  Handle<Mat> block_;  ///< Of these rows and columns; null before the first update.
-  Handle<KSP> block_estimate_;
 };
 
 }  // namespace polyslip::la

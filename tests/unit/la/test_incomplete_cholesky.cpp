@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <string>
 #include <tuple>
 
 #include "polyslip/common/mpi.hpp"
@@ -77,12 +78,15 @@ la::Handle<Mat> chains(PetscInt block) {
   return matrix;
 }
 
-la::Handle<PC> preconditioner(Mat matrix, const char* type) {
+la::Handle<PC> preconditioner(Mat matrix, const char* type, const char* prefix = "", const char* options = "") {
   POLYSLIP_PETSC(la::register_block_icc());
   la::Handle<PC> pc;
   POLYSLIP_PETSC(PCCreate(PETSC_COMM_WORLD, pc.put()));
   POLYSLIP_PETSC(PCSetOperators(pc, matrix, matrix));
   POLYSLIP_PETSC(PCSetType(pc, type));
+  POLYSLIP_PETSC(PetscOptionsInsertString(nullptr, options));
+  POLYSLIP_PETSC(PCSetOptionsPrefix(pc, prefix));
+  POLYSLIP_PETSC(PCSetFromOptions(pc));
   POLYSLIP_PETSC(PCSetUp(pc));
   return pc;
 }
@@ -188,6 +192,78 @@ TEST_P(block_icc_of_nodes, takes_fewer_iterations_than_factors_that_end_at_borde
   } else {
     EXPECT_LT(across, ending);
   }
+}
+
+/// Some steps of a smoother from a start, whose norm is known beforehand.
+la::Handle<Vec> smoothed(KSP ksp, Mat matrix, Vec start) {
+  la::Handle<Vec> x;
+  PetscReal norm = 0;
+  const la::Handle<Vec> b = noise(matrix, 3);
+  POLYSLIP_PETSC(VecDuplicate(start, x.put()));
+  POLYSLIP_PETSC(VecCopy(start, x));
+  POLYSLIP_PETSC(VecNorm(x, NORM_2, &norm));
+  POLYSLIP_PETSC(KSPSetInitialGuessNonzero(ksp, PETSC_TRUE));
+  POLYSLIP_PETSC(KSPSetNormType(ksp, KSP_NORM_NONE));
+  POLYSLIP_PETSC(KSPSolve(ksp, b, x));
+  return x;
+}
+
+TEST_P(block_icc_of_nodes, iterates_as_chebyshevs_method_of_petsc) {
+  const la::Handle<Mat> matrix = grid(GetParam(), 1e-3);
+  const la::Handle<PC> factors = preconditioner(matrix, la::block_icc);
+  const la::Handle<PC> iterating = preconditioner(matrix, la::block_icc, "iterating_",
+                                                  "-iterating_pc_block_icc_steps 3 -iterating_pc_block_icc_interval 0.2,1.3");
+  la::Handle<KSP> ours, theirs;
+  POLYSLIP_PETSC(KSPCreate(PETSC_COMM_WORLD, ours.put()));
+  POLYSLIP_PETSC(KSPSetType(ours, KSPRICHARDSON));
+  POLYSLIP_PETSC(KSPSetOperators(ours, matrix, matrix));
+  POLYSLIP_PETSC(KSPSetPC(ours, iterating));
+  POLYSLIP_PETSC(KSPSetTolerances(ours, 0, 0, PETSC_DEFAULT, 1));
+  POLYSLIP_PETSC(KSPSetUp(ours));
+  const double largest = la::largest_eigenvalue(iterating);
+  POLYSLIP_PETSC(KSPCreate(PETSC_COMM_WORLD, theirs.put()));
+  POLYSLIP_PETSC(KSPSetType(theirs, KSPCHEBYSHEV));
+  POLYSLIP_PETSC(KSPChebyshevSetEigenvalues(theirs, 1.3 * largest, 0.2 * largest));
+  POLYSLIP_PETSC(KSPSetOperators(theirs, matrix, matrix));
+  POLYSLIP_PETSC(KSPSetPC(theirs, factors));
+  POLYSLIP_PETSC(KSPSetTolerances(theirs, 0, 0, PETSC_DEFAULT, 3));
+  for (const double scale : {0.0, 1.0}) {
+    const la::Handle<Vec> start = noise(matrix, 2);
+    POLYSLIP_PETSC(VecScale(start, scale));
+    EXPECT_LT(difference(smoothed(ours, matrix, start), smoothed(theirs, matrix, start)), 1e-5) << "from " << scale;
+  }
+  const la::Handle<Vec> zero = noise(matrix, 2), b = noise(matrix, 3);
+  POLYSLIP_PETSC(VecZeroEntries(zero));
+  EXPECT_LT(difference(applied(iterating, b), smoothed(theirs, matrix, zero)), 1e-5) << "applied";
+}
+
+TEST_P(block_icc_of_nodes, estimates_the_largest_eigenvalue) {
+  const la::Handle<Mat> matrix = grid(GetParam(), 1e-3);
+  const auto estimate = [&](const std::string& its) {
+    const std::string options = "-estimate_pc_block_icc_steps 1 -estimate_pc_block_icc_estimate_its " + its;
+    return la::largest_eigenvalue(preconditioner(matrix, la::block_icc, "estimate_", options.c_str()));
+  };
+  la::Handle<KSP> ksp;
+  const la::Handle<PC> factors = preconditioner(matrix, la::block_icc);
+  PetscReal largest = 0, smallest = 0;
+  POLYSLIP_PETSC(KSPCreate(PETSC_COMM_WORLD, ksp.put()));
+  POLYSLIP_PETSC(KSPSetType(ksp, KSPCG));
+  POLYSLIP_PETSC(KSPSetOperators(ksp, matrix, matrix));
+  POLYSLIP_PETSC(KSPSetPC(ksp, factors));
+  POLYSLIP_PETSC(KSPSetTolerances(ksp, 1e-12, 0, PETSC_DEFAULT, 100));
+  POLYSLIP_PETSC(KSPSetComputeSingularValues(ksp, PETSC_TRUE));
+  const la::Handle<Vec> b = noise(matrix, 1), x = noise(matrix, 2);
+  POLYSLIP_PETSC(KSPSolve(ksp, b, x));
+  POLYSLIP_PETSC(KSPComputeExtremeSingularValues(ksp, &largest, &smallest));
+  EXPECT_NEAR(estimate("40"), largest, 1e-2 * largest);
+  EXPECT_NEAR(estimate("5"), largest, 0.3 * largest);
+}
+
+TEST_P(block_icc_of_nodes, estimates_1_where_the_factors_are_exact) {
+  const la::Handle<Mat> matrix = chains(GetParam());
+  const la::Handle<PC> pc =
+      preconditioner(matrix, la::block_icc, "exact_", "-exact_pc_block_icc_steps 1 -exact_pc_block_icc_estimate_its 20");
+  EXPECT_NEAR(la::largest_eigenvalue(pc), 1, 1e-5) << "rounding must not be taken for eigenvectors";
 }
 
 TEST(block_icc, stays_positive_where_the_factorisation_does_not_and_leaves_empty_rows_alone) {

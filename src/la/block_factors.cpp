@@ -1,0 +1,557 @@
+#include "polyslip/la/block_factors.hpp"
+
+#include <Eigen/Cholesky>
+#include <Eigen/Eigenvalues>
+#include <algorithm>
+#include <array>
+#include <memory>
+#include <optional>
+#include <span>
+#include <utility>
+#include <vector>
+
+#include "polyslip/common/types.hpp"
+#include "polyslip/la/rank_order.hpp"
+#include "polyslip/la/vec_access.hpp"
+
+namespace polyslip::la {
+
+namespace {
+
+/// Read access to one of the two local matrices of a MATAIJ.
+class Rows {
+ public:
+  explicit Rows(Mat matrix) : matrix_(matrix) {
+    PetscBool done = PETSC_FALSE;
+    POLYSLIP_PETSC(MatGetRowIJ(matrix_, 0, PETSC_FALSE, PETSC_FALSE, &rows_, &offsets_, &columns_, &done));
+    POLYSLIP_PETSC(MatSeqAIJGetArrayRead(matrix_, &values_));
+  }
+  ~Rows() {
+    PetscBool done = PETSC_FALSE;
+    (void)MatSeqAIJRestoreArrayRead(matrix_, &values_);
+    (void)MatRestoreRowIJ(matrix_, 0, PETSC_FALSE, PETSC_FALSE, &rows_, &offsets_, &columns_, &done);
+  }
+  Rows(const Rows&) = delete;
+  Rows& operator=(const Rows&) = delete;
+
+  /// Calls visit(row, column, value) for the entries of some rows.
+  template <class Visit>
+  void visit(PetscInt first, PetscInt count, Visit&& visit) const {
+    for (PetscInt row = first; row < first + count; ++row)
+      for (PetscInt at = offsets_[row]; at < offsets_[row + 1]; ++at) visit(row, columns_[at], values_[at]);
+  }
+
+ private:
+  Mat matrix_;
+  PetscInt rows_ = 0;
+  const PetscInt *offsets_ = nullptr, *columns_ = nullptr;
+  const PetscScalar* values_ = nullptr;
+};
+
+/// The local parts of a MATAIJ: columns of this rank, and those of others (null on one rank) with their global numbers.
+struct Parts {
+  Mat own, others = nullptr;
+  const PetscInt* global = nullptr;
+
+  explicit Parts(Mat matrix) : own(matrix) {
+    PetscBool is_parallel = PETSC_FALSE;
+    POLYSLIP_PETSC(PetscObjectTypeCompare(reinterpret_cast<PetscObject>(matrix), MATMPIAIJ, &is_parallel));
+    if (is_parallel) POLYSLIP_PETSC(MatMPIAIJGetSeqAIJ(matrix, &own, &others, &global));
+  }
+};
+
+/// Blocks of b x b entries, row by row. Nodes have turns: first the ghosts of ranks of lower colours, then the nodes of this rank that others
+/// see, then those that none sees.
+template <int b>
+class FactorsOf final : public BlockFactors {
+ public:
+  FactorsOf(Mat matrix, PetscMPIInt tag, bool keeps_matrix) : exchange_(comm_of(matrix), tag) {
+    const Parts parts(matrix);
+    PetscInt rows = 0;
+    POLYSLIP_PETSC(MatGetLocalSize(matrix, &rows, nullptr));
+    nodes_ = rows / b;
+    const Numbering numbering = take_turns(matrix, parts, tag);
+    find_lower(parts, numbering);
+    const auto turns = static_cast<std::size_t>(nodes_ + ghosts_);
+    values_.resize(lower_.values.size() * size);
+    inverse_.resize(turns * size);
+    forward_.resize(turns * width);
+    slot_.assign(turns, none);
+    if (keeps_matrix) {
+      find_across(parts, numbering);
+      matrix_.resize(values_.size());
+      diagonal_.resize(inverse_.size());
+    }
+  }
+
+  bool factorise(Mat matrix) override {
+    const Parts parts(matrix);
+    const Entries entries(parts);
+    damped_ = 0;
+    bool is_finite = true;
+    for (Border& border : before_) receive_rows(border);
+    for (Index i = ghosts_; i < border_end_; ++i) is_finite = factorise_row(entries, i) && is_finite;
+    for (Border& border : after_) send_rows(border);
+    exchange_.finish();
+    for (Index i = border_end_; i < ghosts_ + nodes_; ++i) is_finite = factorise_row(entries, i) && is_finite;
+    return is_finite;
+  }
+
+  void solve(const Values& r, Values& z) override {
+    for (Border& border : before_) {
+      exchange_.receive(border.rank, buffer_);
+      for (std::size_t k = 0; k < border.turns.size(); ++k) lanes(at(forward_, border.turns[k], width)) = lanes(at(buffer_, k, width));
+    }
+    for (Index i = ghosts_; i < border_end_; ++i) forward(i, r);
+    for (Border& border : after_) send_lanes(border, forward_);
+    exchange_.finish();  // the others wait for it, and it need not go on its way without this rank's help
+    for (Index i = border_end_; i < ghosts_ + nodes_; ++i) forward(i, r);
+    std::fill(z.begin(), z.end(), 0.0F);
+    for (Index i = ghosts_ + nodes_ - 1; i >= border_end_; --i) backward(i, z);
+    for (Border& border : after_) {
+      exchange_.receive(border.rank, buffer_);
+      for (std::size_t k = 0; k < border.turns.size(); ++k) lanes(at(z, border.turns[k], width)) += lanes(at(buffer_, k, width));
+    }
+    for (Index i = border_end_ - 1; i >= ghosts_; --i) backward(i, z);
+    for (Border& border : before_) send_lanes(border, z);
+    exchange_.finish();
+  }
+
+  void multiply(const Values& x, Values& y) override {
+    for (Border& border : seen_) send_lanes(border, x);
+    for (Index i = ghosts_; i < ghosts_ + nodes_; ++i) multiply_row(i, x, y);
+    for (const Border& border : ghosts_of_) {
+      exchange_.receive(border.rank, buffer_);
+      for (std::size_t k = 0; k < border.turns.size(); ++k) lanes(at(ghost_values_, border.turns[k], width)) = lanes(at(buffer_, k, width));
+    }
+    for (Index row = 0; row < across_.rows(); ++row) {
+      Sums sums;
+      for (Index t = across_.offsets[row]; t < across_.offsets[row + 1]; ++t)
+        sums.add(at(matrix_across_, t, size), at(ghost_values_, across_.values[static_cast<std::size_t>(t)], width));
+      lanes(at(y, ghosts_ + row, width)) += sums.value();
+    }
+    exchange_.finish();
+  }
+
+  [[nodiscard]] Values zeros() const override { return Values(forward_.size()); }
+  void gather(const PetscScalar* from, Values& to) const override {
+    for (Index i = ghosts_; i < ghosts_ + nodes_; ++i)
+      for (int c = 0; c < b; ++c) at(to, i, width)[c] = static_cast<float>(from[node_at_[static_cast<std::size_t>(i)] * b + c]);
+  }
+  void scatter(const Values& from, PetscScalar* to) const override {
+    for (Index i = ghosts_; i < ghosts_ + nodes_; ++i)
+      for (int c = 0; c < b; ++c) to[node_at_[static_cast<std::size_t>(i)] * b + c] = static_cast<double>(at(from, i, width)[c]);
+  }
+  [[nodiscard]] Eigen::Map<Eigen::ArrayXf> owned(Values& values) const override {
+    return {at(values, ghosts_, width), static_cast<Eigen::Index>(nodes_) * width};
+  }
+
+  [[nodiscard]] int block() const override { return b; }
+  [[nodiscard]] Index damped() const override { return damped_; }
+
+ private:
+  static constexpr int width = b == 3 ? 4 : b == 6 ? 8 : b;  ///< Of a row and of a node in memory: whole vectors of the processor.
+  static constexpr int size = b * width;
+  static constexpr Index none = -1;
+  using Block = Eigen::Matrix<double, b, b, Eigen::RowMajor>;
+  using Stored = Eigen::Map<Eigen::Matrix<float, b, b, Eigen::RowMajor>, Eigen::Unaligned, Eigen::OuterStride<width>>;
+  using Lanes = Eigen::Array<float, width, 1>;
+
+  /// What this rank has in common with another one.
+  struct Border {
+    int rank = 0;
+    std::vector<Index> turns;    ///< Nodes by their turns, or ghosts: of the rank that is eliminated first, or that a product needs.
+    Csr entries;                 ///< Of ghosts: where each entry of their rows of L that is told has its place in L here, or `none`.
+    std::vector<float> buffer;
+  };
+
+  /// Numbers of nodes over all ranks.
+  struct Numbering {
+    std::vector<GlobalIndex> of_turn, ghosts;  ///< `ghosts` ascending
+    std::vector<Index> turn_of_ghost;          ///< `none` for those of later ranks.
+    std::vector<Neighbour> neighbours;
+
+    [[nodiscard]] Index turn_of(GlobalIndex ghost) const {
+      const auto found = std::lower_bound(ghosts.begin(), ghosts.end(), ghost);
+      return found == ghosts.end() || *found != ghost ? none : turn_of_ghost[static_cast<std::size_t>(found - ghosts.begin())];
+    }
+  };
+
+  /// The rows of the matrix by turns.
+  struct Entries {
+    Rows own;
+    std::optional<Rows> others;
+    const PetscInt* global;
+    explicit Entries(const Parts& parts) : own(parts.own), global(parts.global) {
+      if (parts.others != nullptr) others.emplace(parts.others);
+    }
+  };
+  /// Calls visit(turn, row in its block, column in its block, value) for the entries of a node, but for those of later ghosts.
+  template <class Visit>
+  void visit(const Entries& entries, Index node, Visit&& visit) const {
+    entries.own.visit(node * b, b, [&](PetscInt row, PetscInt column, PetscScalar value) {
+      visit(turn_of_[static_cast<std::size_t>(column / b)], row % b, column % b, value);
+    });
+    if (!entries.others) return;
+    entries.others->visit(node * b, b, [&](PetscInt row, PetscInt column, PetscScalar value) {
+      const Index turn = turn_of_column_[static_cast<std::size_t>(column)];
+      if (turn != none) visit(turn, row % b, entries.global[column] % b, value);
+    });
+  }
+
+  template <class I>
+  static float* at(std::vector<float>& values, I i, int n) {
+    return values.data() + static_cast<std::size_t>(i) * static_cast<std::size_t>(n);
+  }
+  template <class I>
+  static const float* at(const std::vector<float>& values, I i, int n) {
+    return values.data() + static_cast<std::size_t>(i) * static_cast<std::size_t>(n);
+  }
+  static Block block_at(std::vector<float>& values, Index i) { return Stored(at(values, i, size)).template cast<double>(); }
+  static auto lanes(float* values) { return Eigen::Map<Lanes>(values); }
+  static auto lanes(const float* values) { return Eigen::Map<const Lanes>(values); }
+  /// Products of the rows of blocks with vectors, summed up by lanes.
+  struct Sums {
+    std::array<Lanes, b> lanes_of_row;
+    Sums() { lanes_of_row.fill(Lanes::Zero()); }
+    void add(const float* block, const float* x) {
+      const Lanes factor = lanes(x);
+      for (int r = 0; r < b; ++r) lanes_of_row[r] += lanes(block + r * width) * factor;
+    }
+    [[nodiscard]] Lanes value() const {
+      Lanes y = Lanes::Zero();
+      for (int r = 0; r < b; ++r) y[r] = lanes_of_row[r].sum();
+      return y;
+    }
+  };
+
+  Numbering take_turns(Mat matrix, const Parts& parts, PetscMPIInt tag) {
+    Numbering numbering;
+    ghost_of_column_ = find_ghosts(parts, numbering);
+    std::vector<Neighbour>& neighbours = numbering.neighbours;
+    int colour = 0;
+    if (parts.others != nullptr) {
+      neighbours = find_neighbours(comm_of(matrix), nodes_, numbering.ghosts);
+      colour = choose_colours(comm_of(matrix), tag, neighbours);
+    }
+    std::vector<char> is_seen(static_cast<std::size_t>(nodes_), 0);
+    for (const Neighbour& n : neighbours)
+      for (PetscInt node : n.nodes) is_seen[static_cast<std::size_t>(node)] = 1;
+    PetscInt first = 0;
+    POLYSLIP_PETSC(MatGetOwnershipRange(matrix, &first, nullptr));
+    turn_of_.resize(static_cast<std::size_t>(nodes_));
+    const auto append = [&](Index node, GlobalIndex number) {
+      node_at_.push_back(node);
+      numbering.of_turn.push_back(number);
+      return static_cast<Index>(node_at_.size()) - 1;
+    };
+    const auto append_own = [&](char seen) {
+      for (Index node = 0; node < nodes_; ++node)
+        if (is_seen[static_cast<std::size_t>(node)] == seen) turn_of_[static_cast<std::size_t>(node)] = append(node, first / b + node);
+    };
+    append_ghosts(neighbours, colour, numbering, append);
+    append_own(1);
+    border_end_ = static_cast<Index>(node_at_.size());
+    append_own(0);
+    for (Index ghost : ghost_of_column_) turn_of_column_.push_back(numbering.turn_of_ghost[static_cast<std::size_t>(ghost)]);
+    add_borders(neighbours, colour, numbering);
+    return numbering;
+  }
+
+  /// Returns the ghost of each column of the matrix of others.
+  static std::vector<Index> find_ghosts(const Parts& parts, Numbering& numbering) {
+    std::vector<Index> ghost_of_column;
+    PetscInt columns = 0;
+    if (parts.others != nullptr) POLYSLIP_PETSC(MatGetSize(parts.others, nullptr, &columns));
+    for (PetscInt k = 0; k < columns; ++k) {
+      const PetscInt node = parts.global[k] / b;
+      if (numbering.ghosts.empty() || numbering.ghosts.back() != node) numbering.ghosts.push_back(node);
+      ghost_of_column.push_back(static_cast<Index>(numbering.ghosts.size()) - 1);
+    }
+    return ghost_of_column;
+  }
+
+  void add_borders(const std::vector<Neighbour>& neighbours, int colour, const Numbering& numbering) {
+    for (const Neighbour& n : neighbours) {
+      const bool is_before = n.colour < colour;
+      const std::vector<PetscInt>& members = is_before ? n.ghosts : n.nodes;
+      if (members.empty()) continue;
+      Border& border = (is_before ? before_ : after_).emplace_back();
+      border.rank = n.rank;
+      for (PetscInt i : members) border.turns.push_back((is_before ? numbering.turn_of_ghost : turn_of_)[static_cast<std::size_t>(i)]);
+    }
+  }
+
+  /// Ghosts of a colour by their numbers: the order in which their ranks eliminate them.
+  template <class Append>
+  void append_ghosts(const std::vector<Neighbour>& neighbours, int colour, Numbering& numbering, Append&& append) {
+    std::vector<std::pair<int, PetscInt>> order;
+    for (const Neighbour& n : neighbours)
+      if (n.colour < colour)
+        for (PetscInt ghost : n.ghosts) order.emplace_back(n.colour, ghost);
+    std::sort(order.begin(), order.end());
+    ghosts_ = static_cast<Index>(order.size());
+    numbering.turn_of_ghost.assign(numbering.ghosts.size(), none);
+    for (const auto& [its_colour, ghost] : order)
+      numbering.turn_of_ghost[static_cast<std::size_t>(ghost)] = append(none, numbering.ghosts[static_cast<std::size_t>(ghost)]);
+  }
+
+  /// The pattern of L: where the matrix has blocks, and of ghosts what their ranks tell.
+  void find_lower(const Parts& parts, const Numbering& numbering) {
+    const Entries entries(parts);
+    const Index turns = nodes_ + ghosts_;
+    std::vector<Index> seen(static_cast<std::size_t>(turns), none), columns;
+    std::vector<std::vector<Index>> rows_at_border(static_cast<std::size_t>(border_end_));
+    const auto find_row = [&](Index i, std::vector<Index>& row) {
+      row.clear();
+      visit(entries, node_at_[static_cast<std::size_t>(i)], [&](Index j, PetscInt, PetscInt, PetscScalar) {
+        if (j < i && std::exchange(seen[static_cast<std::size_t>(j)], i) != i) row.push_back(j);
+      });
+      std::sort(row.begin(), row.end());
+    };
+    lower_.offsets.reserve(static_cast<std::size_t>(turns) + 1);
+    for (Index i = ghosts_; i < border_end_; ++i) find_row(i, rows_at_border[static_cast<std::size_t>(i)]);
+    exchange_patterns(numbering, rows_at_border);
+    for (const std::vector<Index>& row : rows_at_border) lower_.push_row(row);
+    for (Index i = border_end_; i < turns; ++i) {
+      find_row(i, columns);
+      lower_.push_row(columns);
+    }
+    for (Border& border : before_)
+      for (std::size_t k = 0; k < border.turns.size(); ++k)
+        for (Index& place : border.entries[static_cast<Index>(k)])
+          if (place != none) place += lower_.offsets[border.turns[k]];
+  }
+
+  /// The pattern of what products need of other ranks.
+  void find_across(const Parts& parts, const Numbering& numbering) {
+    const Entries entries(parts);
+    std::vector<Index> row;
+    across_.offsets.assign(1, 0);
+    for (Index i = ghosts_; i < border_end_; ++i) {
+      row.clear();
+      entries.others->visit(node_at_[static_cast<std::size_t>(i)] * b, b, [&](PetscInt, PetscInt column, PetscScalar) {
+        row.push_back(ghost_of_column_[static_cast<std::size_t>(column)]);
+      });
+      std::sort(row.begin(), row.end());
+      row.erase(std::unique(row.begin(), row.end()), row.end());
+      across_.push_row(row);
+    }
+    matrix_across_.resize(across_.values.size() * size);
+    ghost_values_.resize(numbering.ghosts.size() * width);
+    for (const Neighbour& n : numbering.neighbours) {
+      if (!n.nodes.empty()) {
+        Border& border = seen_.emplace_back();
+        border.rank = n.rank;
+        for (PetscInt node : n.nodes) border.turns.push_back(turn_of_[static_cast<std::size_t>(node)]);
+      }
+      if (!n.ghosts.empty()) {
+        Border& border = ghosts_of_.emplace_back();
+        border.rank = n.rank;
+        border.turns.assign(n.ghosts.begin(), n.ghosts.end());
+      }
+    }
+  }
+
+  /// Sends the rows at the border to later ranks (of each its size, and the numbers of its columns at the border) and takes those of ghosts,
+  /// the columns that are ghosts here.
+  void exchange_patterns(const Numbering& numbering, std::vector<std::vector<Index>>& rows) {
+    std::vector<std::vector<PetscInt>> messages(after_.size());
+    for (std::size_t k = 0; k < after_.size(); ++k) {
+      for (Index turn : after_[k].turns) {
+        const std::vector<Index>& row = rows[static_cast<std::size_t>(turn)];
+        messages[k].push_back(static_cast<PetscInt>(row.size()));
+        for (Index j : row) messages[k].push_back(numbering.of_turn[static_cast<std::size_t>(j)]);
+      }
+      exchange_.send(after_[k].rank, messages[k]);
+    }
+    std::vector<PetscInt> message;
+    for (Border& border : before_) {
+      exchange_.receive(border.rank, message);
+      auto next = message.begin();
+      for (Index turn : border.turns) {
+        std::vector<Index>& row = rows[static_cast<std::size_t>(turn)];
+        std::vector<Index> places;
+        for (PetscInt n = *next++; n > 0; --n) {
+          const Index j = numbering.turn_of(*next++);
+          places.push_back(j == none ? none : static_cast<Index>(row.size()));
+          if (j != none) row.push_back(j);
+        }
+        border.entries.push_row(places);
+      }
+    }
+    exchange_.finish();
+  }
+
+  /// D_j^{-1} and what is told of row j of L, for the ghosts of a rank.
+  void receive_rows(Border& border) {
+    exchange_.receive(border.rank, buffer_);
+    const float* next = buffer_.data();
+    const auto take = [&](float* to) {
+      std::copy_n(next, size, to);
+      next += size;
+    };
+    std::array<float, static_cast<std::size_t>(size)> nowhere;
+    for (std::size_t k = 0; k < border.turns.size(); ++k) {
+      take(at(inverse_, border.turns[k], size));
+      for (Index place : border.entries[static_cast<Index>(k)]) take(place == none ? nowhere.data() : at(values_, place, size));
+    }
+  }
+  void send_rows(Border& border) {
+    border.buffer.clear();
+    const auto tell = [&](const float* block) { border.buffer.insert(border.buffer.end(), block, block + size); };
+    for (Index turn : border.turns) {
+      tell(at(inverse_, turn, size));
+      for (Index place = lower_.offsets[turn]; place < lower_.offsets[turn + 1]; ++place) tell(at(values_, place, size));
+    }
+    exchange_.send(border.rank, border.buffer);
+  }
+  void send_lanes(Border& border, const Values& values) {
+    border.buffer.clear();
+    for (Index turn : border.turns) border.buffer.insert(border.buffer.end(), at(values, turn, width), at(values, turn, width) + width);
+    exchange_.send(border.rank, border.buffer);
+  }
+
+  bool factorise_row(const Entries& entries, Index i) {
+    const std::span<const Index> lower = std::as_const(lower_)[i];
+    const Index first = lower_.offsets[i];
+    row_.assign(lower.size(), Block::Zero());  // W, at first A
+    for (std::size_t s = 0; s < lower.size(); ++s) slot_[static_cast<std::size_t>(lower[s])] = static_cast<Index>(s);
+    Block diagonal = Block::Zero();
+    visit(entries, node_at_[static_cast<std::size_t>(i)], [&](Index j, PetscInt r, PetscInt c, PetscScalar value) {
+      if (j < i)
+        row_[static_cast<std::size_t>(slot_[static_cast<std::size_t>(j)])](r, c) = value;
+      else if (j == i)
+        diagonal(r, c) = value;
+    });
+    if (!matrix_.empty()) keep_row(entries, i, diagonal);
+    Block d = diagonal;
+    for (std::size_t s = 0; s < lower.size(); ++s) {
+      const Index j = lower[s];
+      Block& w = row_[s];
+      for (Index t = lower_.offsets[j]; t < lower_.offsets[j + 1]; ++t) {
+        const Index u = slot_[static_cast<std::size_t>(lower_.values[static_cast<std::size_t>(t)])];
+        if (u != none) w.noalias() -= row_[static_cast<std::size_t>(u)] * block_at(values_, t).transpose();
+      }
+      const Block l = w * block_at(inverse_, j);
+      d.noalias() -= w * l.transpose();
+      Stored(at(values_, first + static_cast<Index>(s), size)) = l.template cast<float>();
+    }
+    for (const Index j : lower) slot_[static_cast<std::size_t>(j)] = none;
+    return invert(diagonal, d, safe(i), at(inverse_, i, size));
+  }
+
+  /// Row i of the matrix: of its own nodes from `row_`, of ghosts from `entries`.
+  void keep_row(const Entries& entries, Index i, const Block& diagonal) {
+    Stored(at(diagonal_, i, size)) = diagonal.template cast<float>();
+    for (std::size_t s = 0; s < row_.size(); ++s)
+      Stored(at(matrix_, lower_.offsets[i] + static_cast<Index>(s), size)) = row_[s].template cast<float>();
+    if (i >= border_end_) return;
+    const Index first = across_.offsets[i - ghosts_], last = across_.offsets[i - ghosts_ + 1];
+    const auto columns = across_.values.begin();
+    entries.others->visit(node_at_[static_cast<std::size_t>(i)] * b, b, [&](PetscInt row, PetscInt column, PetscScalar value) {
+      const auto place = std::lower_bound(columns + first, columns + last, ghost_of_column_[static_cast<std::size_t>(column)]) - columns;
+      at(matrix_across_, place, size)[(row % b) * width + entries.global[column] % b] = static_cast<float>(value);
+    });
+  }
+
+  /// How much of A_ii must be left in D_i. Few pivots within are as small as this, and to damp more costs iterations (a tenth of P1's with 0.2).
+  /// At borders, which come first, less than 0.3 leaves single eigenvalues of A M^{-1} of 6 on tetrahedra where faces stick: Chebyshev's
+  /// estimate misses them, and two to three ranks took half as many iterations again.
+  [[nodiscard]] double safe(Index i) const { return i < border_end_ ? 0.3 : 0.05; }
+
+  /// The inverse of D_i, where that is at least `least` A_ii in all directions; else of A_ii - omega (A_ii - D_i) with the largest omega for
+  /// which this holds. Where A_ii is singular that of its diagonal, with 0 for empty rows: an aggregate with too few nodes for its modes leaves
+  /// such behind, and nothing is restricted to them.
+  bool invert(const Block& diagonal, const Block& d, double least, float* inverse) {
+    if (!d.allFinite()) return false;
+    Block result;
+    if (Eigen::LLT<Block>(diagonal).info() != Eigen::Success) {
+      result = diagonal.diagonal().unaryExpr([](double a) { return a > 0 ? 1 / a : 0; }).asDiagonal();
+      ++damped_;
+    } else if (Eigen::LLT<Block>(d - least * diagonal).info() == Eigen::Success) {
+      result = d.llt().solve(Block::Identity());
+    } else {
+      const double lowest = Eigen::GeneralizedSelfAdjointEigenSolver<Block>(d, diagonal, Eigen::EigenvaluesOnly).eigenvalues().minCoeff();
+      const double omega = (1 - least) / (1 - lowest);
+      result = (diagonal - omega * (diagonal - d)).llt().solve(Block::Identity());
+      ++damped_;
+    }
+    Stored{inverse} = result.template cast<float>();
+    return true;
+  }
+
+  /// (I + L) y = r
+  void forward(Index i, const Values& r) {
+    Sums sums;
+    for (Index t = lower_.offsets[i]; t < lower_.offsets[i + 1]; ++t)
+      sums.add(at(values_, t, size), at(forward_, lower_.values[static_cast<std::size_t>(t)], width));
+    lanes(at(forward_, i, width)) = lanes(at(r, i, width)) - sums.value();
+  }
+
+  /// D (I + L)^T z = y, and to the rows below what they lose by z_i.
+  void backward(Index i, Values& z) {
+    Sums sums;
+    sums.add(at(inverse_, i, size), at(forward_, i, width));
+    const Lanes z_i = lanes(at(z, i, width)) + sums.value();
+    lanes(at(z, i, width)) = z_i;
+    for (Index t = lower_.offsets[i + 1] - 1; t >= lower_.offsets[i]; --t)  // downwards in memory throughout, for its prefetcher
+      lanes(at(z, lower_.values[static_cast<std::size_t>(t)], width)) -= transposed(at(values_, t, size), z_i);
+  }
+
+  /// y_i = sum_{j<=i} A_ij x_j, and to the rows below what they get from x_i; ghosts left out.
+  void multiply_row(Index i, const Values& x, Values& y) {
+    Sums sums;
+    sums.add(at(diagonal_, i, size), at(x, i, width));
+    const Lanes x_i = lanes(at(x, i, width));
+    Index t = lower_.offsets[i];
+    const Index end = lower_.offsets[i + 1];
+    while (t < end && lower_.values[static_cast<std::size_t>(t)] < ghosts_) ++t;
+    for (; t < end; ++t) {
+      const Index j = lower_.values[static_cast<std::size_t>(t)];
+      const float* block = at(matrix_, t, size);
+      sums.add(block, at(x, j, width));
+      lanes(at(y, j, width)) += transposed(block, x_i);
+    }
+    lanes(at(y, i, width)) = sums.value();
+  }
+
+  static Lanes transposed(const float* block, const Lanes& x) {
+    Lanes y = lanes(block) * x[0];
+    for (int r = 1; r < b; ++r) y += lanes(block + r * width) * x[r];
+    return y;
+  }
+
+  Index nodes_ = 0, border_end_ = 0, ghosts_ = 0, damped_ = 0;
+  std::vector<Index> node_at_, turn_of_;  ///< Node by its turn, `none` for ghosts; and back.
+  std::vector<Index> turn_of_column_;     ///< Of the matrix of others; `none` for ghosts of later ranks.
+  Csr lower_;                             ///< Columns of L by turns.
+  std::vector<float> values_, inverse_;   ///< L_ij; D_i^{-1}
+  Exchange exchange_;
+  std::vector<Border> before_, after_;  ///< Ranks that are eliminated before and after this one.
+  // Of the matrix, where it is kept.
+  std::vector<float> matrix_, diagonal_;   ///< A_ij in the places of L_ij, without ghosts; A_ii
+  Csr across_;                             ///< Ghosts of each node at the border.
+  std::vector<float> matrix_across_;       ///< A_ij of these
+  std::vector<Index> ghost_of_column_;     ///< Of the matrix of others.
+  std::vector<Border> seen_, ghosts_of_;   ///< What other ranks see of this one, and this one of them.
+  // Work space.
+  std::vector<Index> slot_;
+  std::vector<Block> row_;
+  std::vector<float> forward_, ghost_values_, buffer_;
+};
+
+}  // namespace
+
+std::unique_ptr<BlockFactors> block_factors(Mat matrix, PetscMPIInt tag, bool keeps_matrix) {
+  PetscInt block = 0;
+  POLYSLIP_PETSC(MatGetBlockSize(matrix, &block));
+  switch (block) {
+    case 2: return std::make_unique<FactorsOf<2>>(matrix, tag, keeps_matrix);
+    case 3: return std::make_unique<FactorsOf<3>>(matrix, tag, keeps_matrix);
+    case 6: return std::make_unique<FactorsOf<6>>(matrix, tag, keeps_matrix);
+    default: return std::make_unique<FactorsOf<1>>(matrix, tag, keeps_matrix);
+  }
+}
+
+}  // namespace polyslip::la
