@@ -115,10 +115,17 @@ void NonlinearElimination::set_up_window() {
   POLYSLIP_PETSC(KSPCreate(PETSC_COMM_SELF, ksp_.put()));
   POLYSLIP_PETSC(KSPSetOptionsPrefix(ksp_, prefix));
   POLYSLIP_PETSC(KSPSetOperators(ksp_, *matrix_, *matrix_));
-  POLYSLIP_PETSC(KSPSetType(ksp_, KSPPREONLY));
   POLYSLIP_PETSC(KSPGetPC(ksp_, &pc));
-  POLYSLIP_PETSC(PCSetType(pc, PCLU));
-  POLYSLIP_PETSC(PCFactorSetMatSolverType(pc, MATSOLVERMUMPS));
+  if (system_.layout().dim() == 2) {
+    POLYSLIP_PETSC(KSPSetType(ksp_, KSPPREONLY));
+    POLYSLIP_PETSC(PCSetType(pc, PCLU));
+    POLYSLIP_PETSC(PCFactorSetMatSolverType(pc, MATSOLVERMUMPS));
+  } else {
+    // A strip of one ring that is held all around is well conditioned; to factorise it took a sixth of a contact problem's time.
+    POLYSLIP_PETSC(KSPSetType(ksp_, KSPGMRES));
+    POLYSLIP_PETSC(KSPSetTolerances(ksp_, 0.1 * enough, PETSC_DEFAULT, PETSC_DEFAULT, 100));
+    POLYSLIP_PETSC(PCSetType(pc, PCILU));
+  }
   POLYSLIP_PETSC(KSPSetFromOptions(ksp_));
   POLYSLIP_PETSC(MatCreateVecs(*matrix_, solution_.put(), rhs_.put()));
 }
