@@ -125,8 +125,9 @@ void report_newton(const Log& log, const Model& model, const solver::NewtonRecor
   const auto& n = r.counts.faces;
   if (r.iteration == 0 && !r.remedy.empty()) log.line("  remedy: {}", r.remedy);
   if (model.has_contact())
-    log.line("  Newton {:2d}  momentum {:.2e}  contact {:.2e}  open {} stick {} slip {}  changed {}  alpha {:.3g}  Krylov {}",
-             r.iteration, r.momentum, r.contact, n[0], n[1], n[2], r.changed, r.step_length, r.krylov);
+    log.line("  Newton {:2d}  momentum {:.2e}  contact {:.2e}  open {} stick {} slip {}  changed {}  alpha {:.3g}  Krylov {}{}",
+             r.iteration, r.momentum, r.contact, n[0], n[1], n[2], r.changed, r.step_length, r.krylov,
+             r.window_steps > 0 ? fmt::format("  windows {}", r.window_steps) : "");
   else
     log.line("  iteration {:2d}  momentum {:.2e}  Krylov {}", r.iteration, r.momentum, r.krylov);
 }

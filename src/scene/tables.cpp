@@ -36,7 +36,7 @@ std::vector<std::string> history_columns(const Scene& scene) {
 }
 
 const std::vector<std::string> newton_columns{"step",  "iteration", "residual_momentum", "residual_contact", "open",
-                                              "stick", "slip",      "changed",           "step_length",      "krylov"};
+                                              "stick", "slip",      "changed",           "step_length",      "krylov", "window_steps"};
 
 double number(long long count) { return static_cast<double>(count); }
 
@@ -115,7 +115,7 @@ void Tables::add_windows(const Model& model, const StepFigures& figures, std::ve
 void Tables::newton(int step, const solver::NewtonRecord& r) {
   const auto& faces = r.counts.faces;
   newton_.row({number(step), number(r.iteration), r.momentum, r.contact, number(faces[0]), number(faces[1]), number(faces[2]),
-               number(r.changed), r.step_length, number(r.krylov)});
+               number(r.changed), r.step_length, number(r.krylov), number(r.window_steps)});
 }
 
 }  // namespace polyslip::scene

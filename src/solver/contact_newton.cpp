@@ -200,6 +200,7 @@ PetscErrorCode ContactNewton::test_convergence(SNES snes, PetscInt iteration, Pe
     PetscCall(SNESComputeFunction(snes, x, f));
     PetscCallCXX(self->measure(x, f));
   }
+  self->window_steps_ = 0;
   if (iteration > 0 && max_it > 1 && !is_solved(n, atol, rtol)) PetscCallCXX(self->eliminate(x, f));
   // Contact rows that are nearer to zero than the momentum rows by far tell nothing: a loose solve may leave them so, and the step that
   // balances momentum may well raise them.
@@ -237,7 +238,9 @@ void ContactNewton::eliminate(Vec x, Vec f) {
   if (eliminated_imbalance_ == 0 || system_.fracture_faces() == 0 || !linear_ || linear_->failed()) return;
   if (!elimination_) elimination_.emplace(system_);
   const la::LogStage stage("eliminate", seconds_.solve);
-  if (!elimination_->improve(x, f)) return;
+  const bool is_better = elimination_->improve(x, f);
+  window_steps_ = elimination_->steps();
+  if (!is_better) return;
   trace_.adjust(x);
   measure(x, f);
   eliminated_imbalance_ = norms_.momentum < eliminated_imbalance_ ? norms_.momentum : 0;
@@ -261,7 +264,7 @@ void ContactNewton::record(int iteration, const assembly::ResidualNorms& n) {
   if (!monitor) return;
   const auto relative = [](double value, double scale) { return scale > 0 ? value / scale : value; };
   monitor({iteration, relative(n.momentum, n.momentum_scale), relative(n.contact, n.contact_scale),
-           trace_.counts, trace_.changed, trace_.step_length, linear_ && iteration > 0 ? linear_->last_iterations() : 0, remedy_});
+           trace_.counts, trace_.changed, trace_.step_length, linear_ && iteration > 0 ? linear_->last_iterations() : 0, window_steps_, remedy_});
 }
 
 std::string ContactNewton::why(SNESConvergedReason reason) const {

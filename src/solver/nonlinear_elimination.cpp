@@ -23,7 +23,8 @@ NonlinearElimination::NonlinearElimination(assembly::MechanicsSystem& system)
       direction_(system.create_vector()),
       condensed_rows_(system.create_condensed_vector()),
       condensed_direction_(system.create_condensed_vector()),
-      rings_(system.layout().dim() == 2 ? 4 : 1) {
+      is_in_(system.layout().create_displacement_vector()),
+      rings_(system.layout().dim() == 2 ? 4 : 2) {
   POLYSLIP_PETSC(PetscOptionsGetReal(nullptr, prefix, "-share", &most_, nullptr));
   POLYSLIP_PETSC(PetscOptionsGetInt(nullptr, prefix, "-rings", &rings_, nullptr));
   POLYSLIP_PETSC(PetscOptionsGetInt(nullptr, prefix, "-max_it", &most_steps_, nullptr));
@@ -53,84 +54,89 @@ void NonlinearElimination::choose_faces() {
 /// W of S; false, on all ranks, where it is empty or too large even with the nearest ring.
 bool NonlinearElimination::choose_rows() {
   const assembly::ContactCells& cells = system_.contact_cells();
-  const auto first = static_cast<PetscInt>(system_.layout().first());
-  std::vector<char> is_in(static_cast<std::size_t>(system_.layout().displacement_size()), 0);
-  std::vector<PetscInt> rows;
-  const auto take = [&](PetscInt row) {
-    const PetscInt i = row - first;
-    if (i < 0 || i >= static_cast<PetscInt>(is_in.size()) || is_in[static_cast<std::size_t>(i)]) return;
-    is_in[static_cast<std::size_t>(i)] = 1;
-    rows.push_back(row);
-  };
+  POLYSLIP_PETSC(VecZeroEntries(is_in_));
   for (std::size_t face = 0; face < is_unsettled_.size(); ++face)
     if (is_unsettled_[face] && cells.faces()[face].cell >= 0)
-      for (Index i : cells.displacements(cells.faces()[face].cell)) take(first + i);
+      for (Index i : cells.displacements(cells.faces()[face].cell))
+        POLYSLIP_PETSC(VecSetValue(is_in_, system_.layout().global(i), 1, INSERT_VALUES));
+  std::vector<PetscInt> rows = marked_rows();
   PetscInt all = 0;
   POLYSLIP_PETSC(MatGetSize(system_.matrix(), &all, nullptr));
-  const auto fits = [&] {
-    const long long size = mpi::sum(system_.mesh().comm, static_cast<long long>(rows.size()));
+  const auto fits = [&](const std::vector<PetscInt>& some) {
+    const long long size = mpi::sum(system_.mesh().comm, static_cast<long long>(some.size()));
     return size > 0 && static_cast<double>(size) <= most_ * static_cast<double>(all);
   };
-  std::size_t done = 0;
-  const auto take_neighbours = [&] {
-    for (const std::size_t end = rows.size(); done < end; ++done) {
-      const PetscInt row = rows[done];
-      PetscInt n = 0;
-      const PetscInt* columns = nullptr;
-      POLYSLIP_PETSC(MatGetRow(system_.matrix(), row, &n, &columns, nullptr));
-      std::for_each_n(columns, n, take);
-      POLYSLIP_PETSC(MatRestoreRow(system_.matrix(), row, &n, &columns, nullptr));
-    }
-  };
-  if (rings_ > 0) take_neighbours();
-  const bool is_small = fits();
-  for (PetscInt ring = 1; ring < rings_ && is_small; ++ring) {
-    const std::size_t before = rows.size();
-    take_neighbours();
-    if (fits()) continue;
-    rows.resize(before);
-    break;
+  bool is_small = rings_ > 0 || fits(rows);
+  for (PetscInt ring = 0; ring < rings_; ++ring) {
+    mark_neighbours(rows);
+    std::vector<PetscInt> more = marked_rows();
+    const bool still_fits = fits(more);
+    if (ring == 0) is_small = still_fits;
+    if (ring == 0 || still_fits) rows = std::move(more);
+    if (!still_fits) break;
   }
-  std::sort(rows.begin(), rows.end());
   if (mpi::any(system_.mesh().comm, rows != rows_)) forget_window();
   rows_ = std::move(rows);
   return is_small;
 }
 
+void NonlinearElimination::mark_neighbours(const std::vector<PetscInt>& rows) {
+  for (PetscInt row : rows) {
+    PetscInt n = 0;
+    const PetscInt* columns = nullptr;
+    POLYSLIP_PETSC(MatGetRow(system_.matrix(), row, &n, &columns, nullptr));
+    ones_.resize(static_cast<std::size_t>(n), 1);
+    POLYSLIP_PETSC(VecSetValues(is_in_, n, columns, ones_.data(), INSERT_VALUES));
+    POLYSLIP_PETSC(MatRestoreRow(system_.matrix(), row, &n, &columns, nullptr));
+  }
+}
+
+std::vector<PetscInt> NonlinearElimination::marked_rows() {
+  POLYSLIP_PETSC(VecAssemblyBegin(is_in_));
+  POLYSLIP_PETSC(VecAssemblyEnd(is_in_));
+  const la::VecRead is_in(is_in_);
+  std::vector<PetscInt> rows;
+  PetscInt begin = 0, end = 0;
+  POLYSLIP_PETSC(VecGetOwnershipRange(is_in_, &begin, &end));
+  for (PetscInt row = begin; row < end; ++row)
+    if (is_in[row - begin] != 0) rows.push_back(row);
+  return rows;
+}
+
 void NonlinearElimination::forget_window() {
-  if (matrix_ != nullptr) (void)MatDestroySubMatrices(1, &matrix_);
-  (void)ISDestroy(&window_);
-  matrix_ = nullptr;
+  matrix_.reset();
   ksp_.reset();
 }
 
-/// Collective, and alike on all ranks: one without a window takes part in picking those of others, and all pick anew or none.
+/// The last one again where it has the same rows.
 void NonlinearElimination::set_up_window() {
   const bool again = matrix_ != nullptr;
   if (!again)
-    POLYSLIP_PETSC(ISCreateGeneral(PETSC_COMM_SELF, static_cast<PetscInt>(rows_.size()), rows_.data(), PETSC_COPY_VALUES, &window_));
-  POLYSLIP_PETSC(MatCreateSubMatrices(system_.matrix(), 1, &window_, &window_, again ? MAT_REUSE_MATRIX : MAT_INITIAL_MATRIX, &matrix_));
-  if (rows_.empty() || again) return;
+    POLYSLIP_PETSC(ISCreateGeneral(system_.mesh().comm, static_cast<PetscInt>(rows_.size()), rows_.data(), PETSC_COPY_VALUES, window_.put()));
+  Mat matrix = matrix_;
+  POLYSLIP_PETSC(MatCreateSubMatrix(system_.matrix(), window_, window_, again ? MAT_REUSE_MATRIX : MAT_INITIAL_MATRIX, &matrix));
+  if (again) return;
+  matrix_ = la::Handle<Mat>(matrix);
   PC pc = nullptr;
-  POLYSLIP_PETSC(KSPCreate(PETSC_COMM_SELF, ksp_.put()));
+  POLYSLIP_PETSC(KSPCreate(system_.mesh().comm, ksp_.put()));
   POLYSLIP_PETSC(KSPSetOptionsPrefix(ksp_, prefix));
-  POLYSLIP_PETSC(KSPSetOperators(ksp_, *matrix_, *matrix_));
+  POLYSLIP_PETSC(KSPSetOperators(ksp_, matrix_, matrix_));
   POLYSLIP_PETSC(KSPGetPC(ksp_, &pc));
   if (system_.layout().dim() == 2) {
     POLYSLIP_PETSC(KSPSetType(ksp_, KSPPREONLY));
     POLYSLIP_PETSC(PCSetType(pc, PCLU));
     POLYSLIP_PETSC(PCFactorSetMatSolverType(pc, MATSOLVERMUMPS));
   } else {
-    // A strip of one ring that is held all around is well conditioned; to factorise it took a sixth of a contact problem's time.
+    // A strip of few rings that is held all around is well conditioned; to factorise it took a sixth of a contact problem's time.
     POLYSLIP_PETSC(KSPSetType(ksp_, KSPGMRES));
     POLYSLIP_PETSC(KSPSetTolerances(ksp_, 0.1 * enough, PETSC_DEFAULT, PETSC_DEFAULT, 100));
-    POLYSLIP_PETSC(PCSetType(pc, PCILU));
+    POLYSLIP_PETSC(PCSetType(pc, PCBJACOBI));  // incomplete LU of each rank's rows
   }
   POLYSLIP_PETSC(KSPSetFromOptions(ksp_));
-  POLYSLIP_PETSC(MatCreateVecs(*matrix_, solution_.put(), rhs_.put()));
+  POLYSLIP_PETSC(MatCreateVecs(matrix_, solution_.put(), rhs_.put()));
 }
 
-/// One Newton step of the window; false, on all ranks, where the window is too large or its factorisation fails.
+/// One Newton step of the window; false where the window is too large or its factorisation fails.
 bool NonlinearElimination::step(Vec x, Vec f) {
   choose_faces();
   if (!choose_rows()) return false;
@@ -138,21 +144,21 @@ bool NonlinearElimination::step(Vec x, Vec f) {
   system_.condense_residual(f, condensed_rows_);
   set_up_window();
   POLYSLIP_PETSC(VecZeroEntries(condensed_direction_));
-  KSPConvergedReason reason = KSP_CONVERGED_ITS;
-  if (!rows_.empty()) {
-    const auto first = static_cast<PetscInt>(system_.layout().first());
-    {
-      const la::VecRead from(condensed_rows_);
-      const la::VecWrite to(rhs_);
-      for (std::size_t i = 0; i < rows_.size(); ++i) to[static_cast<Index>(i)] = from[static_cast<Index>(rows_[i] - first)];
-    }
-    POLYSLIP_PETSC(KSPSolve(ksp_, rhs_, solution_));
-    POLYSLIP_PETSC(KSPGetConvergedReason(ksp_, &reason));
+  KSPConvergedReason reason = KSP_CONVERGED_ITERATING;
+  const auto first = static_cast<PetscInt>(system_.layout().first());
+  {
+    const la::VecRead from(condensed_rows_);
+    const la::VecWrite to(rhs_);
+    for (std::size_t i = 0; i < rows_.size(); ++i) to[static_cast<Index>(i)] = from[static_cast<Index>(rows_[i] - first)];
+  }
+  POLYSLIP_PETSC(KSPSolve(ksp_, rhs_, solution_));
+  POLYSLIP_PETSC(KSPGetConvergedReason(ksp_, &reason));
+  if (reason < 0) return false;
+  {
     const la::VecRead from(solution_);
     const la::VecWrite to(condensed_direction_);
     for (std::size_t i = 0; i < rows_.size(); ++i) to[static_cast<Index>(rows_[i] - first)] = from[static_cast<Index>(i)];
   }
-  if (mpi::any(system_.mesh().comm, reason < 0)) return false;
   system_.recover(f, condensed_direction_, direction_);
   POLYSLIP_PETSC(VecAXPY(x, -1.0, direction_));
   system_.residual(x, f);
@@ -161,13 +167,14 @@ bool NonlinearElimination::step(Vec x, Vec f) {
 }
 
 bool NonlinearElimination::improve(Vec x, Vec f) {
+  steps_ = 0;
   if (most_ <= 0) return false;
   measure(f);
   const double start = total_;
   is_unsettled_.assign(sizes_.size(), 0);
   POLYSLIP_PETSC(VecCopy(x, start_x_));
   POLYSLIP_PETSC(VecCopy(f, start_f_));
-  for (PetscInt k = 0; k < most_steps_ && total_ > enough * start && step(x, f);) ++k;
+  for (; steps_ < most_steps_ && total_ > enough * start && step(x, f);) ++steps_;
   forget_window();
   if (total_ < start) return true;
   POLYSLIP_PETSC(VecCopy(start_x_, x));

@@ -6,8 +6,6 @@
 //   Newton on (u_W, all bubbles, all multipliers), all other displacements (and pressures) held,
 // until the contact rows have fallen to a hundredth, or W is large. S grows on the way. A step costs what a few unknowns cost; the momentum
 // rows around W take up what it leaves, and the next Newton iteration spreads it.
-//
-// Each rank has windows of the displacements it owns.
 #pragma once
 
 #include <vector>
@@ -19,34 +17,38 @@ namespace polyslip::solver {
 class NonlinearElimination {
  public:
   explicit NonlinearElimination(assembly::MechanicsSystem& system);
-  ~NonlinearElimination() { forget_window(); }
-  NonlinearElimination(const NonlinearElimination&) = delete;
-  NonlinearElimination& operator=(const NonlinearElimination&) = delete;
 
   /// Improves x and brings f = F(x) up to date; leaves both where that does not help. Returns whether x is another. Collective.
   bool improve(Vec x, Vec f);
+  /// Of windows, by the last improve().
+  [[nodiscard]] int steps() const { return steps_; }
 
  private:
   void measure(Vec f);
   void choose_faces();
   bool choose_rows();
+  void mark_neighbours(const std::vector<PetscInt>& rows);
+  std::vector<PetscInt> marked_rows();
   void forget_window();
   void set_up_window();
   bool step(Vec x, Vec f);
 
   assembly::MechanicsSystem& system_;
   la::Handle<Vec> start_x_, start_f_, direction_, condensed_rows_, condensed_direction_;
+  la::Handle<Vec> is_in_;       ///< 1 for the rows of W, while it grows.
   std::vector<double> sizes_;   ///< Of the contact rows of each owned face [N].
   double total_ = 0;            ///< Their 2-norm over all ranks.
   std::vector<char> is_unsettled_;  ///< By owned face: S.
   std::vector<PetscInt> rows_;  ///< W: owned rows of the matrix, global numbers, ascending.
-  IS window_ = nullptr;
-  Mat* matrix_ = nullptr;       ///< One matrix: rows and columns of W.
+  la::Handle<IS> window_;
+  la::Handle<Mat> matrix_;      ///< Rows and columns of W.
   la::Handle<KSP> ksp_;
   la::Handle<Vec> rhs_, solution_;
-  PetscReal most_ = 0.2;        ///< -elimination_share: of all displacements that W may have (0: no elimination)
-  PetscInt rings_;              ///< -elimination_rings: of neighbours, as far as W stays small; in 3D a second does not pay
-  PetscInt most_steps_ = 4;      ///< -elimination_max_it
+  std::vector<PetscScalar> ones_;
+  PetscReal most_ = 1;          ///< -elimination_share: of all displacements that W may have (0: no elimination)
+  PetscInt rings_;              ///< -elimination_rings: of neighbours, as far as W stays small
+  PetscInt most_steps_ = 8;     ///< -elimination_max_it
+  int steps_ = 0;
 };
 
 }  // namespace polyslip::solver
