@@ -12,7 +12,7 @@ namespace {
 
 constexpr const char* prefix = "elimination_";
 constexpr double unsettled = 0.05;  ///< Contact rows of a face, relative to the largest.
-constexpr double enough = 0.01;     ///< Of all contact rows, relative to the start.
+constexpr double enough = 0.003;   ///< Of all contact rows, relative to the start.
 
 }  // namespace
 
@@ -24,6 +24,7 @@ NonlinearElimination::NonlinearElimination(assembly::MechanicsSystem& system)
       condensed_rows_(system.create_condensed_vector()),
       condensed_direction_(system.create_condensed_vector()),
       is_in_(system.layout().create_displacement_vector()),
+      most_(system.layout().dim() == 2 ? 0.2 : 1),
       rings_(system.layout().dim() == 2 ? 4 : 2) {
   POLYSLIP_PETSC(PetscOptionsGetReal(nullptr, prefix, "-share", &most_, nullptr));
   POLYSLIP_PETSC(PetscOptionsGetInt(nullptr, prefix, "-rings", &rings_, nullptr));

@@ -4,7 +4,7 @@
 // Towards the end a few faces change state, or turn their slip, one after the other, and each costs Newton an iteration of the whole system.
 // With S the faces whose contact rows are unsettled and W the displacements of the + cells of S and of their neighbours in the matrix:
 //   Newton on (u_W, all bubbles, all multipliers), all other displacements (and pressures) held,
-// until the contact rows have fallen to a hundredth, or W is large. S grows on the way. A step costs what a few unknowns cost; the momentum
+// until three thousandths are left of the contact rows, or W is large. S grows on the way. A step costs what a few unknowns cost; the momentum
 // rows around W take up what it leaves, and the next Newton iteration spreads it.
 #pragma once
 
@@ -45,7 +45,7 @@ class NonlinearElimination {
   la::Handle<KSP> ksp_;
   la::Handle<Vec> rhs_, solution_;
   std::vector<PetscScalar> ones_;
-  PetscReal most_ = 1;          ///< -elimination_share: of all displacements that W may have (0: no elimination)
+  PetscReal most_;              ///< -elimination_share: of all displacements that W may have (0: no elimination)
   PetscInt rings_;              ///< -elimination_rings: of neighbours, as far as W stays small
   PetscInt most_steps_ = 8;     ///< -elimination_max_it
   int steps_ = 0;
