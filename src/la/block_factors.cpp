@@ -12,7 +12,6 @@
 
 #include "polyslip/common/types.hpp"
 #include "polyslip/la/rank_order.hpp"
-#include "polyslip/la/vec_access.hpp"
 
 namespace polyslip::la {
 

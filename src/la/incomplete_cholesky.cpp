@@ -3,10 +3,12 @@
 #include <petsc/private/pcimpl.h>  // a preconditioner of one's own
 
 #include <Eigen/Eigenvalues>
+#include <algorithm>
 #include <array>
 #include <cmath>
 #include <memory>
 #include <random>
+#include <vector>
 
 #include "polyslip/common/mpi.hpp"
 #include "polyslip/la/block_factors.hpp"
@@ -107,9 +109,12 @@ PetscErrorCode set_from_options(PC pc, PetscOptionItems* PetscOptionsObject) {  
   Data& data = data_of(pc);
   PetscInt n = 2;
   PetscOptionsHeadBegin(PetscOptionsObject, "block_icc");
-  PetscCall(PetscOptionsInt("-pc_block_icc_steps", "steps of Chebyshev's iteration; 0: the factors alone", nullptr, data.steps, &data.steps, nullptr));
-  PetscCall(PetscOptionsRealArray("-pc_block_icc_interval", "its ends, relative to the largest eigenvalue", nullptr, data.interval.data(), &n, nullptr));
-  PetscCall(PetscOptionsInt("-pc_block_icc_estimate_its", "iterations that estimate this", nullptr, data.estimate_its, &data.estimate_its, nullptr));
+  PetscCall(PetscOptionsInt("-pc_block_icc_steps", "steps of Chebyshev's iteration; 0: the factors alone", nullptr, data.steps, &data.steps,
+                            nullptr));
+  PetscCall(PetscOptionsRealArray("-pc_block_icc_interval", "its ends, relative to the largest eigenvalue", nullptr, data.interval.data(), &n,
+                                  nullptr));
+  PetscCall(PetscOptionsInt("-pc_block_icc_estimate_its", "iterations that estimate this", nullptr, data.estimate_its, &data.estimate_its,
+                            nullptr));
   PetscOptionsHeadEnd();
   PetscCheck(data.steps >= 0 && data.estimate_its > 0 && data.interval[0] > 0 && data.interval[0] < data.interval[1], comm_of(pc),
              PETSC_ERR_USER_INPUT, "block_icc: steps %d, estimate_its %d, interval %g,%g: need steps >= 0, its >= 1, 0 < low < high",
