@@ -17,7 +17,7 @@ HISTORY = {
 }
 NEWTON = {
     "step": (0, 0), "iteration": (0, 0), "residual_momentum": (1e-5, 1e-9), "residual_contact": (1e-5, 1e-9),
-    "open": (0, 0), "stick": (0, 0), "slip": (0, 0), "changed": (0, 0), "step_length": (0, 0), "krylov": (0, 3),
+    "open": (0, 0), "stick": (0, 0), "slip": (0, 0), "changed": (0, 0), "step_length": (0, 0), "krylov": (0, 3), "window_steps": (0, 0),
 }
 
 
