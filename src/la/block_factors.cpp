@@ -97,20 +97,14 @@ class FactorsOf final : public BlockFactors {
   }
 
   void solve(const Values& r, Values& z) override {
-    for (Border& border : before_) {
-      exchange_.receive(border.rank, buffer_);
-      for (std::size_t k = 0; k < border.turns.size(); ++k) lanes(at(forward_, border.turns[k], width)) = lanes(at(buffer_, k, width));
-    }
+    for (const Border& border : before_) receive_lanes(border, forward_, set);
     for (Index i = ghosts_; i < border_end_; ++i) forward(i, r);
     for (Border& border : after_) send_lanes(border, forward_);
     exchange_.finish();  // the others wait for it, and it need not go on its way without this rank's help
     for (Index i = border_end_; i < ghosts_ + nodes_; ++i) forward(i, r);
     std::fill(z.begin(), z.end(), 0.0F);
     for (Index i = ghosts_ + nodes_ - 1; i >= border_end_; --i) backward(i, z);
-    for (Border& border : after_) {
-      exchange_.receive(border.rank, buffer_);
-      for (std::size_t k = 0; k < border.turns.size(); ++k) lanes(at(z, border.turns[k], width)) += lanes(at(buffer_, k, width));
-    }
+    for (const Border& border : after_) receive_lanes(border, z, add);
     for (Index i = border_end_ - 1; i >= ghosts_; --i) backward(i, z);
     for (Border& border : before_) send_lanes(border, z);
     exchange_.finish();
@@ -119,10 +113,7 @@ class FactorsOf final : public BlockFactors {
   void multiply(const Values& x, Values& y) override {
     for (Border& border : seen_) send_lanes(border, x);
     for (Index i = ghosts_; i < ghosts_ + nodes_; ++i) multiply_row(i, x, y);
-    for (const Border& border : ghosts_of_) {
-      exchange_.receive(border.rank, buffer_);
-      for (std::size_t k = 0; k < border.turns.size(); ++k) lanes(at(ghost_values_, border.turns[k], width)) = lanes(at(buffer_, k, width));
-    }
+    for (const Border& border : ghosts_of_) receive_lanes(border, ghost_values_, set);
     for (Index row = 0; row < across_.rows(); ++row) {
       Sums sums;
       for (Index t = across_.offsets[row]; t < across_.offsets[row + 1]; ++t)
@@ -326,7 +317,6 @@ class FactorsOf final : public BlockFactors {
   void find_across(const Parts& parts, const Numbering& numbering) {
     const Entries entries(parts);
     std::vector<Index> row;
-    across_.offsets.assign(1, 0);
     for (Index i = ghosts_; i < border_end_; ++i) {
       row.clear();
       entries.others->visit(node_at_[static_cast<std::size_t>(i)] * b, b, [&](PetscInt, PetscInt column, PetscScalar) {
@@ -409,6 +399,15 @@ class FactorsOf final : public BlockFactors {
     border.buffer.clear();
     for (Index turn : border.turns) border.buffer.insert(border.buffer.end(), at(values, turn, width), at(values, turn, width) + width);
     exchange_.send(border.rank, border.buffer);
+  }
+
+  static constexpr auto set = [](auto to, auto from) { to = from; };
+  static constexpr auto add = [](auto to, auto from) { to += from; };
+  /// Calls take(lanes here, lanes received) for each node of the border.
+  template <class Take>
+  void receive_lanes(const Border& border, Values& values, Take&& take) {
+    exchange_.receive(border.rank, buffer_);
+    for (std::size_t k = 0; k < border.turns.size(); ++k) take(lanes(at(values, border.turns[k], width)), lanes(at(buffer_, k, width)));
   }
 
   bool factorise_row(const Entries& entries, Index i) {

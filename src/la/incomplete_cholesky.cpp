@@ -74,6 +74,13 @@ double estimate_largest_eigenvalue(Data& data, Mat matrix) {
   return solver.eigenvalues().maxCoeff();
 }
 
+/// r = b - A x
+void form_residual(Data& data) {
+  BlockFactors& factors = *data.factors;
+  factors.multiply(data.x, data.r);
+  factors.owned(data.r) = factors.owned(data.b) - factors.owned(data.r);
+}
+
 /// Chebyshev's iteration for A x = b (Saad, Iterative Methods for Sparse Linear Systems, algorithm 12.1).
 void iterate(Data& data, bool from_zero) {
   BlockFactors& factors = *data.factors;
@@ -86,8 +93,7 @@ void iterate(Data& data, bool from_zero) {
     if (step == 0 && from_zero) {
       factors.solve(data.b, data.z);
     } else {
-      factors.multiply(data.x, data.r);
-      owned(data.r) = owned(data.b) - owned(data.r);
+      form_residual(data);
       factors.solve(data.r, data.z);
     }
     if (step == 0) {
@@ -230,8 +236,7 @@ PetscErrorCode residual(Mat shell, Vec b, Vec x, Vec r) {
   Data& data = data_of(pc);
   PetscCallCXX(data.factors->gather(VecRead(b).data(), data.b));
   PetscCallCXX(data.factors->gather(VecRead(x).data(), data.x));
-  PetscCallCXX(data.factors->multiply(data.x, data.r));
-  PetscCallCXX(data.factors->owned(data.r) = data.factors->owned(data.b) - data.factors->owned(data.r));
+  PetscCallCXX(form_residual(data));
   PetscCallCXX(data.factors->scatter(data.r, VecWrite(r).data()));
   PetscFunctionReturn(0);
 }

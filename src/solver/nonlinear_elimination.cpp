@@ -12,7 +12,7 @@ namespace {
 
 constexpr const char* prefix = "elimination_";
 constexpr double unsettled = 0.05;  ///< Contact rows of a face, relative to the largest.
-constexpr double enough = 0.003;   ///< Of all contact rows, relative to the start.
+constexpr double enough = 0.003;    ///< Of all contact rows, relative to the start.
 
 }  // namespace
 
@@ -82,12 +82,13 @@ bool NonlinearElimination::choose_rows() {
 }
 
 void NonlinearElimination::mark_neighbours(const std::vector<PetscInt>& rows) {
+  std::vector<PetscScalar> ones;
   for (PetscInt row : rows) {
     PetscInt n = 0;
     const PetscInt* columns = nullptr;
     POLYSLIP_PETSC(MatGetRow(system_.matrix(), row, &n, &columns, nullptr));
-    ones_.resize(static_cast<std::size_t>(n), 1);
-    POLYSLIP_PETSC(VecSetValues(is_in_, n, columns, ones_.data(), INSERT_VALUES));
+    ones.resize(static_cast<std::size_t>(n), 1);
+    POLYSLIP_PETSC(VecSetValues(is_in_, n, columns, ones.data(), INSERT_VALUES));
     POLYSLIP_PETSC(MatRestoreRow(system_.matrix(), row, &n, &columns, nullptr));
   }
 }
@@ -137,7 +138,7 @@ void NonlinearElimination::set_up_window() {
   POLYSLIP_PETSC(MatCreateVecs(matrix_, solution_.put(), rhs_.put()));
 }
 
-/// One Newton step of the window; false where the window is too large or its factorisation fails.
+/// One Newton step of the window; false, on all ranks, where the window is too large or cannot be solved.
 bool NonlinearElimination::step(Vec x, Vec f) {
   choose_faces();
   if (!choose_rows()) return false;

@@ -106,7 +106,7 @@ class ContactNewton {
   std::string remedy_;
   bool may_soften_ = false, may_eliminate_ = false, unsettled_ = false, stopped_ = false;
   double eliminated_imbalance_ = 0;  ///< Momentum rows after the last elimination of a run; 0: no more of them [N].
-  int window_steps_ = 0;  ///< Of elimination, after the iteration at hand.
+  int window_steps_ = 0;             ///< Of elimination, after the iteration at hand.
   assembly::ResidualNorms norms_;
   double largest_flow_floor_ = 0;  ///< What round-off may excuse of flow.
   NewtonSeconds seconds_;

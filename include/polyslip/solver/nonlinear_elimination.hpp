@@ -44,7 +44,6 @@ class NonlinearElimination {
   la::Handle<Mat> matrix_;      ///< Rows and columns of W.
   la::Handle<KSP> ksp_;
   la::Handle<Vec> rhs_, solution_;
-  std::vector<PetscScalar> ones_;
   PetscReal most_;              ///< -elimination_share: of all displacements that W may have (0: no elimination)
   PetscInt rings_;              ///< -elimination_rings: of neighbours, as far as W stays small
   PetscInt most_steps_ = 8;     ///< -elimination_max_it
