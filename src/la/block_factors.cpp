@@ -1,9 +1,11 @@
 #include "polyslip/la/block_factors.hpp"
 
+#include <petscblaslapack.h>
+
 #include <Eigen/Cholesky>
-#include <Eigen/Eigenvalues>
 #include <algorithm>
 #include <array>
+#include <limits>
 #include <memory>
 #include <optional>
 #include <span>
@@ -58,6 +60,15 @@ struct Parts {
     if (is_parallel) POLYSLIP_PETSC(MatMPIAIJGetSeqAIJ(matrix, &own, &others, &global));
   }
 };
+
+/// Of A x = lambda B x with n x n entries, B positive definite; both are overwritten. By LAPACK: Eigen's takes the compiler a minute.
+double smallest_eigenvalue(PetscBLASInt n, double* a, double* b) {
+  const PetscBLASInt type = 1, room = 34 * n;
+  std::vector<double> eigenvalues(static_cast<std::size_t>(n)), work(static_cast<std::size_t>(room));
+  PetscBLASInt info = 0;
+  LAPACKsygv_(&type, "N", "U", &n, a, &n, b, &n, eigenvalues.data(), work.data(), &room, &info);
+  return info == 0 ? eigenvalues.front() : std::numeric_limits<double>::quiet_NaN();
+}
 
 /// Blocks of b x b entries, row by row. Nodes have turns: first the ghosts of ranks of lower colours, then the nodes of this rank that others
 /// see, then those that none sees.
@@ -470,8 +481,8 @@ class FactorsOf final : public BlockFactors {
     } else if (Eigen::LLT<Block>(d - least * diagonal).info() == Eigen::Success) {
       result = d.llt().solve(Block::Identity());
     } else {
-      const double lowest = Eigen::GeneralizedSelfAdjointEigenSolver<Block>(d, diagonal, Eigen::EigenvaluesOnly).eigenvalues().minCoeff();
-      const double omega = (1 - least) / (1 - lowest);
+      Block left = d, right = diagonal;
+      const double omega = (1 - least) / (1 - smallest_eigenvalue(b, left.data(), right.data()));
       result = (diagonal - omega * (diagonal - d)).llt().solve(Block::Identity());
       ++damped_;
     }
