@@ -6,6 +6,8 @@
 #include <cassert>
 #include <numeric>
 
+#include "polyslip/common/mpi.hpp"
+
 namespace polyslip::la {
 
 namespace {
@@ -51,39 +53,45 @@ void BlockMatrix::add_graph_row(Index row, std::span<const Index> graph, std::sp
 }
 
 void BlockMatrix::create(const Layout& layout, std::span<const GlobalIndex> sorted_ghosts, std::span<const Index> ghost_at) {
-  // Scalar rows with global columns; the ghosts' columns go before and after the owned ones by their numbers.
-  std::vector<GlobalIndex> first_of{layout.first};  // owned entities
+  std::vector<PetscInt> first_of{0};  // local row of each owned entity
   for (Index i = 0; i < owned_; ++i) first_of.push_back(first_of.back() + width(i));
-  const PetscInt components = first_of.back() - layout.first;
-  std::vector<PetscInt> offsets{0}, columns;
-  columns.reserve(diagonal_.start.back() + offdiagonal_.start.back());
-  offsets.reserve(static_cast<std::size_t>(components) + 1);
-  const auto append = [&](GlobalIndex first, int n) {
-    for (int b = 0; b < n; ++b) columns.push_back(first + b);
+  const auto append = [](Part& part, PetscInt first, int n) {
+    for (int b = 0; b < n; ++b) part.row_columns.push_back(first + b);
   };
+  for (Part* part : {&diagonal_, &offdiagonal_}) {
+    part->row_columns.reserve(part->start.back());
+    part->row_offsets.reserve(static_cast<std::size_t>(first_of.back()) + 1);
+    part->entries.resize(part->start.back());
+  }
   for (Index row = 0; row < owned_; ++row)
     for (int a = 0; a < width(row); ++a) {
-      const auto ghosts = offdiagonal_.columns[row];
-      auto ghost = ghosts.begin();
-      const auto append_ghost = [&] { append(sorted_ghosts[*ghost], width(owned_ + ghost_at[*ghost])); };
-      for (; ghost != ghosts.end() && sorted_ghosts[*ghost] < layout.first; ++ghost) append_ghost();
-      for (Index col : diagonal_.columns[row]) append(first_of[col], width(col));
-      for (; ghost != ghosts.end(); ++ghost) append_ghost();
-      offsets.push_back(static_cast<PetscInt>(columns.size()));
+      for (Index col : diagonal_.columns[row]) append(diagonal_, first_of[static_cast<std::size_t>(col)], width(col));
+      for (Index ghost : offdiagonal_.columns[row])
+        append(offdiagonal_, sorted_ghosts[static_cast<std::size_t>(ghost)], width(owned_ + ghost_at[static_cast<std::size_t>(ghost)]));
+      for (Part* part : {&diagonal_, &offdiagonal_}) part->row_offsets.push_back(static_cast<PetscInt>(part->row_columns.size()));
     }
-  POLYSLIP_PETSC(MatCreate(layout.comm, matrix_.put()));
-  POLYSLIP_PETSC(MatSetSizes(matrix_, components, components, PETSC_DETERMINE, PETSC_DETERMINE));
-  if (widths_.empty()) POLYSLIP_PETSC(MatSetBlockSize(matrix_, block_));
-  POLYSLIP_PETSC(MatSetType(matrix_, MATAIJ));
-  POLYSLIP_PETSC(MatSeqAIJSetPreallocationCSR(matrix_, offsets.data(), columns.data(), nullptr));
-  POLYSLIP_PETSC(MatMPIAIJSetPreallocationCSR(matrix_, offsets.data(), columns.data(), nullptr));
+  hand_over(layout.comm, first_of.back());
   POLYSLIP_PETSC(MatSetOption(matrix_, MAT_NEW_NONZERO_LOCATION_ERR, PETSC_TRUE));
   POLYSLIP_PETSC(MatSetOption(matrix_, MAT_NO_OFF_PROC_ENTRIES, PETSC_TRUE));
-  PetscBool parallel = PETSC_FALSE;
-  POLYSLIP_PETSC(PetscObjectTypeCompare(reinterpret_cast<PetscObject>(matrix_.get()), MATMPIAIJ, &parallel));
-  diagonal_.matrix = matrix_;
-  if (parallel) POLYSLIP_PETSC(MatMPIAIJGetSeqAIJ(matrix_, &diagonal_.matrix, &offdiagonal_.matrix, nullptr));
-  POLYSLIP_PETSC(MatZeroEntries(matrix_));
+}
+
+void BlockMatrix::hand_over(MPI_Comm comm, PetscInt rows) {
+  const auto set_blocks = [&](Mat matrix, PetscInt of_columns) {
+    if (widths_.empty()) POLYSLIP_PETSC(MatSetBlockSizes(matrix, block_, of_columns));
+  };
+  if (mpi::size(comm) == 1) {
+    POLYSLIP_PETSC(MatCreateSeqAIJWithArrays(comm, rows, rows, diagonal_.row_offsets.data(), diagonal_.row_columns.data(),
+                                             diagonal_.entries.data(), matrix_.put()));
+    diagonal_.matrix = matrix_;
+  } else {
+    POLYSLIP_PETSC(MatCreateMPIAIJWithSplitArrays(comm, rows, rows, PETSC_DETERMINE, PETSC_DETERMINE, diagonal_.row_offsets.data(),
+                                                  diagonal_.row_columns.data(), diagonal_.entries.data(), offdiagonal_.row_offsets.data(),
+                                                  offdiagonal_.row_columns.data(), offdiagonal_.entries.data(), matrix_.put()));
+    POLYSLIP_PETSC(MatMPIAIJGetSeqAIJ(matrix_, &diagonal_.matrix, &offdiagonal_.matrix, nullptr));
+    set_blocks(diagonal_.matrix, block_);
+    set_blocks(offdiagonal_.matrix, 1);
+  }
+  set_blocks(matrix_, block_);
 }
 
 void BlockMatrix::begin_writing() {

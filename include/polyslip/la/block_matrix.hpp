@@ -2,7 +2,7 @@
 //
 // Entity i has w_i components. All rows of an owned entity have the same columns, so the slot of entry (row entity i, component a;
 // column entity j, component b) follows from the position of j in the row of blocks: no hashing, no stash, no communication during
-// assembly. Rows of ghosts are not stored.
+// assembly. Rows of ghosts are not stored. PETSc works on arrays that are held here: the Mat is not for use after this object's end.
 #pragma once
 
 #include <span>
@@ -61,6 +61,8 @@ class BlockMatrix {
     std::vector<Index> offset;     ///< Components before each of them in the row.
     std::vector<Index> row_width;  ///< Components of a row, one an owned entity.
     std::vector<std::size_t> start{0};  ///< First value of each owned entity.
+    std::vector<PetscInt> row_offsets{0}, row_columns;  ///< The matrix by rows of components, as PETSc reads it: it is not copied.
+    std::vector<PetscScalar> entries;
     Mat matrix = nullptr;          ///< Borrowed.
     double* values = nullptr;      ///< While being written.
 
@@ -78,6 +80,7 @@ class BlockMatrix {
   }
   void add_graph_row(Index row, std::span<const Index> graph, std::span<const Index> ghost_at);
   void create(const Layout& layout, std::span<const GlobalIndex> sorted_ghosts, std::span<const Index> ghost_at);
+  void hand_over(MPI_Comm comm, PetscInt rows);
   [[nodiscard]] Slot locate(Index row, Index col) const;
 
   int block_;
