@@ -152,9 +152,13 @@ TEST_P(block_matrix, tells_petsc_that_values_changed) {
 }
 
 TEST_P(block_matrix, has_the_block_size_that_multigrid_needs) {
-  PetscInt size = 0;
-  POLYSLIP_PETSC(MatGetBlockSize(matrix_.get(), &size));
-  EXPECT_EQ(size, block_ > 0 ? block_ : 1);
+  Mat own = nullptr;  // what block Jacobi solves with
+  POLYSLIP_PETSC(MatGetDiagonalBlock(matrix_.get(), &own));
+  for (Mat matrix : {matrix_.get(), own}) {
+    PetscInt size = 0;
+    POLYSLIP_PETSC(MatGetBlockSize(matrix, &size));
+    EXPECT_EQ(size, block_ > 0 ? block_ : 1);
+  }
 }
 
 INSTANTIATE_TEST_SUITE_P(blocks, block_matrix, testing::Values(1, 2, 3, -2, -3));
