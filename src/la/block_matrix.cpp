@@ -76,9 +76,6 @@ void BlockMatrix::create(const Layout& layout, std::span<const GlobalIndex> sort
 }
 
 void BlockMatrix::hand_over(MPI_Comm comm, PetscInt rows) {
-  const auto set_blocks = [&](Mat matrix, PetscInt of_columns) {
-    if (widths_.empty()) POLYSLIP_PETSC(MatSetBlockSizes(matrix, block_, of_columns));
-  };
   if (mpi::size(comm) == 1) {
     POLYSLIP_PETSC(MatCreateSeqAIJWithArrays(comm, rows, rows, diagonal_.row_offsets.data(), diagonal_.row_columns.data(),
                                              diagonal_.entries.data(), matrix_.put()));
@@ -88,10 +85,8 @@ void BlockMatrix::hand_over(MPI_Comm comm, PetscInt rows) {
                                                   diagonal_.row_columns.data(), diagonal_.entries.data(), offdiagonal_.row_offsets.data(),
                                                   offdiagonal_.row_columns.data(), offdiagonal_.entries.data(), matrix_.put()));
     POLYSLIP_PETSC(MatMPIAIJGetSeqAIJ(matrix_, &diagonal_.matrix, &offdiagonal_.matrix, nullptr));
-    set_blocks(diagonal_.matrix, block_);
-    set_blocks(offdiagonal_.matrix, 1);
   }
-  set_blocks(matrix_, block_);
+  if (widths_.empty()) POLYSLIP_PETSC(MatSetBlockSize(matrix_, block_));
 }
 
 void BlockMatrix::begin_writing() {
