@@ -35,13 +35,20 @@ void check_shape(const BoxSpec& spec) {
   }
 }
 
+/// How many cells a core holds; where they grow inwards, an even number: size (q^n - 1)/(q - 1) = length/2 from each end to the middle.
+double cells_of_core(const AxisGrading& grading) {
+  const double cells = (grading.to - grading.from) / grading.size, q = grading.inner_growth;
+  if (q == 1.0) return std::max(1.0, std::round(cells));
+  return 2.0 * std::max(1.0, std::round(std::log1p(0.5 * cells * (q - 1.0)) / std::log(q)));
+}
+
 /// Refuses what no memory of this machine can hold, before it is tried.
 void check_count(const BoxSpec& spec) {
   double cells = 1;
   for (int axis = 0; axis < spec.dim; ++axis) {
     const auto& grading = spec.grading[axis];
-    if (grading && !(grading->size > 0)) return;  // refused where its axis is made
-    cells *= grading ? std::max(1.0, (grading->to - grading->from) / grading->size) : std::max(1, spec.cells[axis]);
+    if (grading && !(grading->size > 0 && grading->inner_growth >= 1)) return;  // refused where its axis is made
+    cells *= grading ? cells_of_core(*grading) : std::max(1, spec.cells[axis]);
   }
   constexpr double least_bytes = 500;  // Of a cell, its faces and nodes.
   const double memory = static_cast<double>(sysconf(_SC_PHYS_PAGES)) * static_cast<double>(sysconf(_SC_PAGESIZE));
@@ -79,16 +86,36 @@ void check_grading(const AxisGrading& grading, double min, double max, const std
     throw InputError(fmt::format("growth {:g} is not between 1.001 and 10", grading.growth), where,
                      "Usual factors are 1.05 to 1.3");
   }
+  if (!(grading.inner_growth >= 1.0 && grading.inner_growth <= 10.0)) {
+    throw InputError(fmt::format("inner_growth {:g} is not between 1 and 10", grading.inner_growth), where,
+                     "Usual factors are 1 (cells of one size) to 1.2");
+  }
+}
+
+/// Planes of the core from its start to its end; those of cells that grow inwards mirror each other about the middle.
+std::vector<double> core_planes(const AxisGrading& grading) {
+  const auto cells = static_cast<Index>(cells_of_core(grading));
+  const double from = grading.from, to = grading.to, q = grading.inner_growth, half = 0.5 * (to - from);
+  std::vector<double> planes(cells + 1);
+  for (Index i = 0; i <= cells; ++i) {
+    if (q == 1.0) {
+      planes[i] = from + (to - from) * i / cells;
+    } else {
+      const double distance = half * std::expm1(std::log(q) * std::min(i, cells - i)) / std::expm1(std::log(q) * (cells / 2));
+      planes[i] = 2 * i <= cells ? from + distance : to - distance;
+    }
+  }
+  planes.back() = to;
+  return planes;
 }
 
 std::vector<double> graded_planes(const AxisGrading& grading, double min, double max) {
   const auto below = growing_sizes(grading, grading.from - min), above = growing_sizes(grading, max - grading.to);
-  const auto core = std::max<Index>(1, static_cast<Index>(std::lround((grading.to - grading.from) / grading.size)));
+  const auto core = core_planes(grading);
   std::vector<double> planes;
   for (double x = grading.from; const double size : below) planes.push_back(x -= size);
   std::reverse(planes.begin(), planes.end());
-  for (Index i = 0; i < core; ++i) planes.push_back(grading.from + (grading.to - grading.from) * i / core);
-  planes.push_back(grading.to);
+  planes.insert(planes.end(), core.begin(), core.end());
   for (double x = grading.to; const double size : above) planes.push_back(x += size);
   planes.front() = min;
   planes.back() = max;

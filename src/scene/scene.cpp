@@ -29,7 +29,11 @@ mesh::BoxSpec read_box(const Cursor& box) {
     spec.cells[i] = static_cast<Index>(cells[axis]);
     if (const Cursor grading = box["grading"][axis_names[i]]) {
       const Vec3 core = grading["core"].point();
-      spec.grading[i] = {.from = core[0], .to = core[1], .size = grading["size"].number(), .growth = grading["growth"].number()};
+      spec.grading[i] = {.from = core[0],
+                         .to = core[1],
+                         .size = grading["size"].number(),
+                         .growth = grading["growth"].number(),
+                         .inner_growth = grading["inner_growth"].number()};
     }
   }
   spec.shape = box["shape"].text();

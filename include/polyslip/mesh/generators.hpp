@@ -10,12 +10,14 @@
 
 namespace polyslip::mesh {
 
-/// Sizes along one axis: uniform size inside [from, to], growing outwards by the factor `growth` a cell; the number of growing cells on each
-/// side is the smallest that reaches the box side with the given growth, and these are then scaled to end on it exactly.
+/// Sizes along one axis: cells of `size` at both ends of the core [from, to], growing outwards by the factor `growth` a cell and towards the
+/// middle of the core by the factor `inner_growth` (1: all of one size). The number of growing cells on each side of the core is the smallest
+/// that reaches the box side with the given growth, and these are then scaled to end on it exactly.
 struct AxisGrading {
-  double from, to;  ///< [m], inside the box
-  double size;      ///< [m]; (to - from)/size is rounded to the nearest count
-  double growth;    ///< > 1
+  double from, to;            ///< [m], inside the box
+  double size;                ///< [m]; the number of cells (of each half, where they grow inwards) is rounded, and they are scaled to fit
+  double growth;              ///< > 1
+  double inner_growth = 1.0;  ///< >= 1
 };
 
 /// A box as the scene describes it (interface.md, mesh.box).

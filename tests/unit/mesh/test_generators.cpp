@@ -151,19 +151,45 @@ TEST(boxes, graded_box_of_the_inclined_crack_has_the_published_cells) {
   }
 }
 
-TEST(boxes, graded_axis_ends_on_the_box_and_grows_by_the_factor) {
+/// The planes along x of a box from -1 to 1, graded along x.
+std::vector<double> planes_graded_by(const AxisGrading& grading) {
   BoxSpec spec = cube("quads", 1, 2);
-  spec.grading[0] = AxisGrading{-0.2, 0.3, 0.05, 1.3};
-  const PolyMesh mesh = make_box(spec);
+  spec.grading[0] = grading;
   std::set<double> x;
-  for (const Vec3& node : mesh.nodes) x.insert(node.x());
-  EXPECT_EQ(*x.begin(), -1.0);
-  EXPECT_EQ(*x.rbegin(), 1.0);
+  for (const Vec3& node : make_box(spec).nodes) x.insert(node.x());
+  return {x.begin(), x.end()};
+}
+
+std::vector<double> sizes_between(const std::vector<double>& planes) {
   std::vector<double> sizes;
-  for (auto at = x.begin(); std::next(at) != x.end(); ++at) sizes.push_back(*std::next(at) - *at);
+  for (std::size_t i = 1; i < planes.size(); ++i) sizes.push_back(planes[i] - planes[i - 1]);
+  return sizes;
+}
+
+TEST(boxes, graded_axis_ends_on_the_box_and_grows_by_the_factor) {
+  const std::vector<double> planes = planes_graded_by({-0.2, 0.3, 0.05, 1.3});
+  EXPECT_EQ(planes.front(), -1.0);
+  EXPECT_EQ(planes.back(), 1.0);
+  const std::vector<double> sizes = sizes_between(planes);
   EXPECT_NEAR(sizes[1] * 1.3, sizes[0], 1e-12);
   EXPECT_NEAR(sizes[sizes.size() - 2] * 1.3, sizes.back(), 1e-12);
   EXPECT_EQ(std::count_if(sizes.begin(), sizes.end(), [](double h) { return std::abs(h - 0.05) < 1e-12; }), 10);
+}
+
+TEST(boxes, graded_core_grows_from_its_ends_to_its_middle) {
+  for (const auto& [size, cells] : {std::pair{0.00505, 50}, std::pair{0.0105, 36}, std::pair{0.25, 4}, std::pair{1.0, 2}}) {
+    const std::vector<double> planes = planes_graded_by({-0.5, 0.5, size, 1.2, 1.1});
+    const auto from = std::find(planes.begin(), planes.end(), -0.5), to = std::find(planes.begin(), planes.end(), 0.5);
+    ASSERT_NE(to, planes.end());
+    const std::vector<double> core(from, to + 1), sizes = sizes_between(core);
+    ASSERT_EQ(static_cast<int>(sizes.size()), cells) << size;
+    for (std::size_t i = 0; i < core.size(); ++i) EXPECT_EQ(core[i], -core[core.size() - 1 - i]) << "the halves mirror each other";
+    for (std::size_t i = 1; i < sizes.size() / 2; ++i) EXPECT_NEAR(sizes[i], 1.1 * sizes[i - 1], 1e-12);
+    if (cells > 2) {
+      EXPECT_NEAR(sizes.front(), size, 0.06 * size) << "off by the rounding of the count alone";
+      EXPECT_NEAR(*from - *(from - 1), 1.05 * size, 0.15 * size) << "outside the cells grow from the core's size, scaled to fit";
+    }
+  }
 }
 
 TEST(boxes, warped_hexahedra_have_warped_faces_inside_and_cut_ones_only_planar_faces) {
@@ -228,6 +254,10 @@ TEST(boxes, bad_boxes_are_refused_with_key_and_remedy) {
                    s.shape = "hexahedra", s.grading[2] = AxisGrading{-0.5, 0.5, 0.1, 1.0};
                  }),
                  "growth 1 is not");
+  expect_refusal(changed([](BoxSpec& s) {
+                   s.shape = "hexahedra", s.grading[2] = AxisGrading{-0.5, 0.5, 0.1, 1.2, 0.9};
+                 }),
+                 "inner_growth 0.9 is not");
   expect_refusal(changed([](BoxSpec& s) { s.cells = {4000, 4000, 4000}; }), "mesh.box.cells: 6.4e+10 cells");
 }
 

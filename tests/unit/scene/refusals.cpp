@@ -123,6 +123,8 @@ TEST(refusals, of_boxes_name_the_axis) {
        {box, graded + "{x: {core: [1], size: 0.1, growth: 2}}", ":2 (mesh.box.grading.x.core)", "Give two: [FROM, TO]"},
        {box, graded + "{x: {core: [0, 1], size: 2, growth: 2}}", ":2 (mesh.box.grading.x.size)", "do not fit into the core"},
        {box, graded + "{x: {core: [0, 1], size: 0.1, growth: 1}}", ":2 (mesh.box.grading.x.growth)", "It must be > 1"},
+       {box, graded + "{x: {core: [0, 1], size: 0.1, growth: 2, inner_growth: 0.5}}", ":2 (mesh.box.grading.x.inner_growth)",
+        "It must be >= 1"},
        {"  box:", "  file: a.msh\n  box:", ":2 (mesh.file)", "both mesh.box and mesh.file are given"},
        {"  box: {min: [0, 0], max: [1, 1], cells: [4, 4]}", "  write: a.h5", ":1 (mesh)", "neither mesh.box nor mesh.file"}});
 }

@@ -107,6 +107,7 @@ TEST(scenes, fill_the_box) {
   EXPECT_EQ(box.grading[1]->to, 0.5);
   EXPECT_DOUBLE_EQ(box.grading[1]->size, 0.1);
   EXPECT_EQ(box.grading[1]->growth, 1.15);
+  EXPECT_EQ(box.grading[1]->inner_growth, 1.0);
   EXPECT_EQ(box.where, "dir/scene.yaml:6, mesh.box");
 }
 
@@ -251,6 +252,7 @@ TEST(overrides, replace_values_lists_and_single_entries) {
 TEST(overrides, make_sections_that_are_missing) {
   EXPECT_EQ(parse(smallest, {"time.end=10"}).time.end, 10);
   EXPECT_EQ(parse(smallest, {"mesh.box.grading.x={core: [0.25, 0.75], size: 0.1, growth: 1.2}"}).mesh.box->grading[0]->growth, 1.2);
+  EXPECT_EQ(parse(full, {"mesh.box.grading.y.inner_growth=1.1"}).mesh.box->grading[1]->inner_growth, 1.1);
   EXPECT_EQ(parse(smallest, {"output.probes=[{name: a, at: [1, 1]}]"}).output.probes.size(), 1U);
 }
 
