@@ -238,7 +238,7 @@ void ContactNewton::eliminate(Vec x, Vec f) {
   if (eliminated_imbalance_ == 0 || system_.fracture_faces() == 0 || !linear_ || linear_->failed()) return;
   if (!elimination_) elimination_.emplace(system_);
   const la::LogStage stage("eliminate", seconds_.solve);
-  const bool is_better = elimination_->improve(x, f);
+  const bool is_better = elimination_->improve(x, f, linear_->displacement_preconditioner());
   window_steps_ = elimination_->steps();
   if (!is_better) return;
   trace_.adjust(x);

@@ -69,7 +69,6 @@ void CoupledSolver::choose() {
   POLYSLIP_PETSC(KSPSetPCSide(ksp_, PC_RIGHT));
   POLYSLIP_PETSC(KSPSetTolerances(ksp_, 1e-12, 0.0, PETSC_DEFAULT, 500));
   POLYSLIP_PETSC(KSPSetOperators(ksp_, exact_operator_, system_.condensed_matrix()));
-  POLYSLIP_PETSC(PetscOptionsGetReal(nullptr, prefix, "-loose_rtol", &loose_rtol_, nullptr));
   // Which of the two it is must be known before the rest of the options is read.
   PetscBool is_set = PETSC_FALSE, factors = PETSC_FALSE;
   char type[64] = "";
@@ -80,6 +79,8 @@ void CoupledSolver::choose() {
   PetscBool splits = PETSC_FALSE;
   POLYSLIP_PETSC(PetscObjectTypeCompare(reinterpret_cast<PetscObject>(pc), PCFIELDSPLIT, &splits));
   if (!splits) content_ = MechanicsSystem::MatrixContent::exact;
+  if (splits) loose_rtol_ = 3e-3;  // what remains between two iterations is for this solve alone to find
+  POLYSLIP_PETSC(PetscOptionsGetReal(nullptr, prefix, "-loose_rtol", &loose_rtol_, nullptr));
   if (factorises_) {
     POLYSLIP_PETSC(PCFactorSetMatSolverType(pc, MATSOLVERMUMPS));
     // The analysis must not depend on values, which permuting to a large diagonal would make it do; the diagonal is large as it is.
@@ -205,6 +206,18 @@ void CoupledSolver::set_up_blocks(bool again, bool moved) {
     hierarchy_.follow(blocks[0]);
   }
   POLYSLIP_PETSC(PetscFree(blocks));
+}
+
+PC CoupledSolver::displacement_preconditioner() const {
+  if (fixed_stress_.get() == nullptr || !has_preconditioner_) return nullptr;
+  PC pc = nullptr, displacement = nullptr;
+  PetscInt n = 0;
+  KSP* blocks = nullptr;
+  POLYSLIP_PETSC(KSPGetPC(ksp_, &pc));
+  POLYSLIP_PETSC(PCFieldSplitSchurGetSubKSP(pc, &n, &blocks));
+  POLYSLIP_PETSC(KSPGetPC(blocks[0], &displacement));
+  POLYSLIP_PETSC(PetscFree(blocks));
+  return displacement;
 }
 
 bool CoupledSolver::is_factorised() const {

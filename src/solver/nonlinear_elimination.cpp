@@ -2,11 +2,14 @@
 
 #include <algorithm>
 #include <cmath>
+#include <numeric>
 
 #include "polyslip/common/mpi.hpp"
 #include "polyslip/la/vec_access.hpp"
 
 namespace polyslip::solver {
+
+using assembly::MechanicsSystem;
 
 namespace {
 
@@ -14,10 +17,29 @@ constexpr const char* prefix = "elimination_";
 constexpr double unsettled = 0.05;  ///< Contact rows of a face, relative to the largest.
 constexpr double enough = 0.003;    ///< Of all contact rows, relative to the start.
 constexpr double loose = 0.05;      ///< Of the momentum rows of W in 3D; bubbles and multipliers then follow exactly.
+constexpr double loose_of_rock = 0.01;  ///< The same of all of them: nothing else takes up what is left.
+
+/// The condensed operator of displacements alone, whatever else the system may hold.
+PetscErrorCode apply_rock(Mat shell, Vec x, Vec y) {
+  PetscFunctionBeginUser;
+  MechanicsSystem* system = nullptr;
+  PetscCall(MatShellGetContext(shell, &system));
+  PetscCallCXX(system->MechanicsSystem::apply_condensed(x, y));
+  PetscFunctionReturn(0);
+}
+
+/// As it is: its smoothers follow the rows that have changed by themselves, its coarse levels do not.
+PetscErrorCode precondition_rock(PC shell, Vec x, Vec y) {
+  PetscFunctionBeginUser;
+  PC pc = nullptr;
+  PetscCall(PCShellGetContext(shell, &pc));
+  PetscCall(PCApply(pc, x, y));
+  PetscFunctionReturn(0);
+}
 
 }  // namespace
 
-NonlinearElimination::NonlinearElimination(assembly::MechanicsSystem& system)
+NonlinearElimination::NonlinearElimination(MechanicsSystem& system)
     : system_(system),
       start_x_(system.create_vector()),
       start_f_(system.create_vector()),
@@ -82,6 +104,11 @@ bool NonlinearElimination::choose_rows() {
   return is_small;
 }
 
+void NonlinearElimination::choose_all_rows() {
+  rows_.resize(static_cast<std::size_t>(system_.layout().displacement_size()));
+  std::iota(rows_.begin(), rows_.end(), static_cast<PetscInt>(system_.layout().first()));
+}
+
 void NonlinearElimination::mark_neighbours(const std::vector<PetscInt>& rows) {
   std::vector<PetscScalar> ones;
   for (PetscInt row : rows) {
@@ -139,13 +166,41 @@ void NonlinearElimination::set_up_window() {
   POLYSLIP_PETSC(MatCreateVecs(matrix_, solution_.put(), rhs_.put()));
 }
 
-/// One Newton step of the window; false, on all ranks, where the window is too large or cannot be solved.
-bool NonlinearElimination::step(Vec x, Vec f) {
-  choose_faces();
-  if (!choose_rows()) return false;
-  system_.linearise_contact(x, assembly::MechanicsSystem::MatrixContent::exact);  // pressures stay as they are
+void NonlinearElimination::set_up_rock(PC of_rock) {
+  if (ksp_.get() != nullptr) return;
+  const Index n = system_.layout().displacement_size();
+  PC pc = nullptr;
+  POLYSLIP_PETSC(MatCreateShell(system_.mesh().comm, n, n, PETSC_DETERMINE, PETSC_DETERMINE, &system_, matrix_.put()));
+  POLYSLIP_PETSC(MatShellSetOperation(matrix_, MATOP_MULT, reinterpret_cast<void (*)()>(apply_rock)));
+  POLYSLIP_PETSC(KSPCreate(system_.mesh().comm, ksp_.put()));
+  POLYSLIP_PETSC(KSPSetOptionsPrefix(ksp_, prefix));
+  POLYSLIP_PETSC(KSPSetType(ksp_, KSPFGMRES));
+  POLYSLIP_PETSC(KSPSetTolerances(ksp_, loose_of_rock, PETSC_DEFAULT, PETSC_DEFAULT, 100));
+  POLYSLIP_PETSC(KSPSetOperators(ksp_, matrix_, system_.matrix()));
+  POLYSLIP_PETSC(KSPGetPC(ksp_, &pc));
+  POLYSLIP_PETSC(PCSetType(pc, PCSHELL));
+  POLYSLIP_PETSC(PCShellSetName(pc, "that of displacements in the whole system, for its last matrix"));
+  POLYSLIP_PETSC(PCShellSetContext(pc, of_rock));
+  POLYSLIP_PETSC(PCShellSetApply(pc, precondition_rock));
+  POLYSLIP_PETSC(KSPSetFromOptions(ksp_));
+  POLYSLIP_PETSC(MatCreateVecs(system_.matrix(), solution_.put(), rhs_.put()));
+}
+
+/// One Newton step of W; false, on all ranks, where W is too large or cannot be solved.
+bool NonlinearElimination::step(Vec x, Vec f, PC of_rock) {
+  if (of_rock != nullptr) {
+    choose_all_rows();
+  } else {
+    choose_faces();
+    if (!choose_rows()) return false;
+  }
+  // Pressures stay as they are. What is set up for the whole system knows symmetric matrices alone.
+  system_.linearise_contact(x, of_rock != nullptr ? MechanicsSystem::MatrixContent::symmetric : MechanicsSystem::MatrixContent::exact);
   system_.condense_residual(f, condensed_rows_);
-  set_up_window();
+  if (of_rock != nullptr)
+    set_up_rock(of_rock);
+  else
+    set_up_window();
   POLYSLIP_PETSC(VecZeroEntries(condensed_direction_));
   KSPConvergedReason reason = KSP_CONVERGED_ITERATING;
   const auto first = static_cast<PetscInt>(system_.layout().first());
@@ -169,7 +224,7 @@ bool NonlinearElimination::step(Vec x, Vec f) {
   return true;
 }
 
-bool NonlinearElimination::improve(Vec x, Vec f) {
+bool NonlinearElimination::improve(Vec x, Vec f, PC of_rock) {
   steps_ = 0;
   if (most_ <= 0) return false;
   measure(f);
@@ -177,7 +232,7 @@ bool NonlinearElimination::improve(Vec x, Vec f) {
   is_unsettled_.assign(sizes_.size(), 0);
   POLYSLIP_PETSC(VecCopy(x, start_x_));
   POLYSLIP_PETSC(VecCopy(f, start_f_));
-  for (; steps_ < most_steps_ && total_ > enough * start && step(x, f);) ++steps_;
+  for (; steps_ < most_steps_ && total_ > enough * start && step(x, f, of_rock);) ++steps_;
   forget_window();
   if (total_ < start) return true;
   POLYSLIP_PETSC(VecCopy(start_x_, x));

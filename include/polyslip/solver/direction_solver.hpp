@@ -39,6 +39,9 @@ class DirectionSolver {
   /// Whether a loose solve stops early each time: with multigrid. A factorisation does so only while it is older than the matrix.
   [[nodiscard]] virtual bool stops_early() const = 0;
 
+  /// What preconditions the displacements next to other unknowns, set up for the last matrix; null where nothing does so apart.
+  [[nodiscard]] virtual PC displacement_preconditioner() const { return nullptr; }
+
   /// Sentence for the log: what was chosen and why.
   [[nodiscard]] virtual const std::string& choice() const = 0;
   [[nodiscard]] const LinearCounts& counts() const { return counts_; }

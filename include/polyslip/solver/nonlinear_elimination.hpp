@@ -6,6 +6,9 @@
 //   Newton on (u_W, all bubbles, all multipliers), all other displacements (and pressures) held,
 // until three thousandths are left of the contact rows, or W is large. S grows on the way. A step costs what a few unknowns cost; the momentum
 // rows around W take up what it leaves, and the next Newton iteration spreads it.
+//
+// Where displacements are but a part of the unknowns, next to the pressures of cells and faces, and the whole system has a preconditioner for
+// them, W is all of the rock: Newton's method then has the coupling of rock and fluid left to solve.
 #pragma once
 
 #include <vector>
@@ -18,8 +21,9 @@ class NonlinearElimination {
  public:
   explicit NonlinearElimination(assembly::MechanicsSystem& system);
 
-  /// Improves x and brings f = F(x) up to date; leaves both where that does not help. Returns whether x is another. Collective.
-  bool improve(Vec x, Vec f);
+  /// Improves x and brings f = F(x) up to date; leaves both where that does not help. Returns whether x is another. W is all of the rock where
+  /// a preconditioner `of_rock` of its displacements is given, for a matrix near to that at hand. Collective.
+  bool improve(Vec x, Vec f, PC of_rock = nullptr);
   /// Of windows, by the last improve().
   [[nodiscard]] int steps() const { return steps_; }
 
@@ -27,11 +31,13 @@ class NonlinearElimination {
   void measure(Vec f);
   void choose_faces();
   bool choose_rows();
+  void choose_all_rows();
   void mark_neighbours(const std::vector<PetscInt>& rows);
   std::vector<PetscInt> marked_rows();
   void forget_window();
   void set_up_window();
-  bool step(Vec x, Vec f);
+  void set_up_rock(PC of_rock);
+  bool step(Vec x, Vec f, PC of_rock);
 
   assembly::MechanicsSystem& system_;
   la::Handle<Vec> start_x_, start_f_, direction_, condensed_rows_, condensed_direction_;
@@ -41,7 +47,7 @@ class NonlinearElimination {
   std::vector<char> is_unsettled_;  ///< By owned face: S.
   std::vector<PetscInt> rows_;  ///< W: owned rows of the matrix, global numbers, ascending.
   la::Handle<IS> window_;
-  la::Handle<Mat> matrix_;      ///< Rows and columns of W.
+  la::Handle<Mat> matrix_;      ///< Rows and columns of W; a shell where that is all of the rock.
   la::Handle<KSP> ksp_;
   la::Handle<Vec> rhs_, solution_;
   PetscReal most_;              ///< -elimination_share: of all displacements that W may have (0: no elimination)

@@ -288,6 +288,43 @@ TEST(fixed_stress, is_set_up_anew_where_an_old_one_fails) {
   EXPECT_EQ(linear.counts().setups, 2);
 }
 
+TEST(fixed_stress, lets_the_rock_settle_at_the_pressures_at_hand) {
+  const ScopedOption split("-coupled_pc_type", "fieldsplit"), tight("-elimination_ksp_rtol", "1e-6");
+  for (const Shape& shape : {Shape{2, "quads"}, Shape{3, "hexahedra"}}) {
+    SCOPED_TRACE(shape.name);
+    CoupledScene scene(shape, {.friction = 0.4}, 8);
+    CoupledSystem& system = *scene.system;
+    la::Handle<Vec> z = system.create_vector(), f = system.create_vector(), was = system.create_vector();
+    ASSERT_TRUE(system.begin_step(z, 0.3));
+    scene.flow->set_loads(scene.flow->load_assembler().at(1));
+    system.set_loads(system.load_assembler().at(1));
+    solver::CoupledSolver linear(system);
+    EXPECT_EQ(linear.displacement_preconditioner(), nullptr) << "before there is a matrix";
+    direction_at(system, linear, z);
+    ASSERT_NE(linear.displacement_preconditioner(), nullptr);
+    {
+      const la::VecWrite a(z);
+      for (Index i = system.layout().multiplier_start(); i < system.layout().size(); i += 4) a[i] -= 0.1;
+    }
+    POLYSLIP_PETSC(VecCopy(z, was));
+    system.residual(z, f);
+    const assembly::ResidualNorms before = system.norms(z, f);
+    ASSERT_GT(before.contact, 0);
+    solver::NonlinearElimination elimination(system);
+    EXPECT_TRUE(elimination.improve(z, f, linear.displacement_preconditioner()));
+    const assembly::ResidualNorms after = system.norms(z, f);
+    EXPECT_LT(after.contact, 0.003 * before.contact);
+    EXPECT_LT(after.momentum, 0.01 * before.momentum) << "windows would leave it beside the fractures";
+    la::Handle<Vec> x = system.layout().create_vector(), q = scene.flow->layout().create_vector(), q_was = scene.flow->layout().create_vector();
+    system.split(was, x, q_was);
+    system.split(z, x, q);
+    POLYSLIP_PETSC(VecAXPY(q, -1.0, q_was));
+    PetscReal moved = 0;
+    POLYSLIP_PETSC(VecNorm(q, NORM_INFINITY, &moved));
+    EXPECT_EQ(moved, 0) << "pressures are held";
+  }
+}
+
 /// The first iteration of a step, by fixed stress.
 struct FirstIteration {
   const ScopedOption split{"-coupled_pc_type", "fieldsplit"};
