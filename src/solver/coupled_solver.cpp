@@ -79,7 +79,6 @@ void CoupledSolver::choose() {
   PetscBool splits = PETSC_FALSE;
   POLYSLIP_PETSC(PetscObjectTypeCompare(reinterpret_cast<PetscObject>(pc), PCFIELDSPLIT, &splits));
   if (!splits) content_ = MechanicsSystem::MatrixContent::exact;
-  if (splits) loose_rtol_ = 3e-3;  // what remains between two iterations is for this solve alone to find
   POLYSLIP_PETSC(PetscOptionsGetReal(nullptr, prefix, "-loose_rtol", &loose_rtol_, nullptr));
   if (factorises_) {
     POLYSLIP_PETSC(PCFactorSetMatSolverType(pc, MATSOLVERMUMPS));

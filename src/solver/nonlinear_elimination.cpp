@@ -52,6 +52,7 @@ NonlinearElimination::NonlinearElimination(MechanicsSystem& system)
   POLYSLIP_PETSC(PetscOptionsGetReal(nullptr, prefix, "-share", &most_, nullptr));
   POLYSLIP_PETSC(PetscOptionsGetInt(nullptr, prefix, "-rings", &rings_, nullptr));
   POLYSLIP_PETSC(PetscOptionsGetInt(nullptr, prefix, "-max_it", &most_steps_, nullptr));
+  POLYSLIP_PETSC(PetscOptionsGetBool(nullptr, prefix, "-rock", &takes_rock_, nullptr));
 }
 
 void NonlinearElimination::measure(Vec f) {
@@ -227,6 +228,7 @@ bool NonlinearElimination::step(Vec x, Vec f, PC of_rock) {
 bool NonlinearElimination::improve(Vec x, Vec f, PC of_rock) {
   steps_ = 0;
   if (most_ <= 0) return false;
+  if (takes_rock_ == PETSC_FALSE) of_rock = nullptr;
   measure(f);
   const double start = total_;
   is_unsettled_.assign(sizes_.size(), 0);
