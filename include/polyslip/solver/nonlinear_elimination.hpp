@@ -8,7 +8,7 @@
 // rows around W take up what it leaves, and the next Newton iteration spreads it.
 //
 // With -elimination_rock, and where the whole system has a preconditioner for the displacements next to its pressures, W is all of the rock:
-// Newton's method then has the coupling of rock and fluid left to solve. That saves iterations in 3D, and seconds on small meshes alone.
+// Newton's method then has the coupling of rock and fluid left to solve. That saves iterations in 3D, and no seconds on large meshes.
 #pragma once
 
 #include <vector>
