@@ -10,6 +10,7 @@
 #include "polyslip/la/options.hpp"
 #include "polyslip/la/reuse.hpp"
 #include "polyslip/la/vec_access.hpp"
+#include "polyslip/solver/condensed_operator.hpp"
 #include "polyslip/solver/pressure_multigrid.hpp"
 
 namespace polyslip::solver {
@@ -25,21 +26,13 @@ constexpr const char *prefix = "coupled_", *memory_remedy = "-coupled_pc_type fi
 /// where it is made in almost each iteration and multigrid serves well; and otherwise.
 constexpr GlobalIndex direct_limit_2d = 300'000, direct_limit = 15'000, direct_limit_fractured = 4'000;
 
-PetscErrorCode apply_exact(Mat shell, Vec x, Vec y) {
-  PetscFunctionBeginUser;
-  CoupledSystem* system = nullptr;
-  PetscCall(MatShellGetContext(shell, &system));
-  PetscCallCXX(system->apply_condensed(x, y));
-  PetscFunctionReturn(0);
-}
-
 }  // namespace
 
 CoupledSolver::CoupledSolver(CoupledSystem& system)
-    : DirectionSolver(system, system.create_condensed_vector()), system_(system), hierarchy_(system) {
-  const Index n = system.layout().displacement_size() + system.flow().layout().size();
-  POLYSLIP_PETSC(MatCreateShell(system.mesh().comm, n, n, PETSC_DETERMINE, PETSC_DETERMINE, &system, exact_operator_.put()));
-  POLYSLIP_PETSC(MatShellSetOperation(exact_operator_, MATOP_MULT, reinterpret_cast<void (*)()>(apply_exact)));
+    : DirectionSolver(system, system.create_condensed_vector()),
+      system_(system),
+      exact_operator_(condensed_operator(system, system.layout().displacement_size() + system.flow().layout().size())),
+      hierarchy_(system) {
   choose();
 }
 
@@ -189,33 +182,34 @@ void CoupledSolver::set_up_blocks(bool again, bool moved) {
     POLYSLIP_PETSC(KSPSetUp(ksp_));
   }
   la::reuse_preconditioner(ksp_, true);
-  PC pc = nullptr;
-  PetscInt n = 0;
-  KSP* blocks = nullptr;
-  POLYSLIP_PETSC(KSPGetPC(ksp_, &pc));
-  POLYSLIP_PETSC(PCFieldSplitSchurGetSubKSP(pc, &n, &blocks));
+  const auto [rock, fluid] = blocks();
   if (again) {
     PC displacement = nullptr, pressure = nullptr;
-    POLYSLIP_PETSC(KSPGetPC(blocks[0], &displacement));
-    POLYSLIP_PETSC(KSPGetPC(blocks[1], &pressure));
+    POLYSLIP_PETSC(KSPGetPC(rock, &displacement));
+    POLYSLIP_PETSC(KSPGetPC(fluid, &pressure));
     split_displacement(system_, displacement);
     split_pressure(system_.flow(), pressure);
-    hierarchy_.set_up(blocks[0]);
+    hierarchy_.set_up(rock);
   } else if (moved) {
-    hierarchy_.follow(blocks[0]);
+    hierarchy_.follow(rock);
   }
-  POLYSLIP_PETSC(PetscFree(blocks));
+}
+
+std::array<KSP, 2> CoupledSolver::blocks() const {
+  PC pc = nullptr;
+  PetscInt n = 0;
+  KSP* split = nullptr;
+  POLYSLIP_PETSC(KSPGetPC(ksp_, &pc));
+  POLYSLIP_PETSC(PCFieldSplitSchurGetSubKSP(pc, &n, &split));
+  const std::array both{split[0], split[1]};
+  POLYSLIP_PETSC(PetscFree(split));
+  return both;
 }
 
 PC CoupledSolver::displacement_preconditioner() const {
   if (fixed_stress_.get() == nullptr || !has_preconditioner_) return nullptr;
-  PC pc = nullptr, displacement = nullptr;
-  PetscInt n = 0;
-  KSP* blocks = nullptr;
-  POLYSLIP_PETSC(KSPGetPC(ksp_, &pc));
-  POLYSLIP_PETSC(PCFieldSplitSchurGetSubKSP(pc, &n, &blocks));
-  POLYSLIP_PETSC(KSPGetPC(blocks[0], &displacement));
-  POLYSLIP_PETSC(PetscFree(blocks));
+  PC displacement = nullptr;
+  POLYSLIP_PETSC(KSPGetPC(blocks()[0], &displacement));
   return displacement;
 }
 

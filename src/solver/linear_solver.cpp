@@ -6,6 +6,7 @@
 
 #include "polyslip/la/options.hpp"
 #include "polyslip/la/reuse.hpp"
+#include "polyslip/solver/condensed_operator.hpp"
 
 namespace polyslip::solver {
 
@@ -19,21 +20,13 @@ constexpr const char *prefix = "displacement_", *memory_remedy = "-displacement_
 /// fractures, where it is made in almost each iteration, multigrid takes half to two thirds of its time on cells of like size.
 constexpr GlobalIndex direct_limit_2d = 1'000'000, direct_limit_3d = 12'000, direct_limit_3d_fractured = 3'000;
 
-PetscErrorCode apply_exact(Mat shell, Vec x, Vec y) {
-  PetscFunctionBeginUser;
-  MechanicsSystem* system = nullptr;
-  PetscCall(MatShellGetContext(shell, &system));
-  PetscCallCXX(system->apply_condensed(x, y));
-  PetscFunctionReturn(0);
-}
-
 }  // namespace
 
 LinearSolver::LinearSolver(MechanicsSystem& system)
-    : DirectionSolver(system, system.layout().create_displacement_vector()), system_(system), hierarchy_(system) {
-  const Index n = system.layout().displacement_size();
-  POLYSLIP_PETSC(MatCreateShell(system.mesh().comm, n, n, PETSC_DETERMINE, PETSC_DETERMINE, &system, exact_operator_.put()));
-  POLYSLIP_PETSC(MatShellSetOperation(exact_operator_, MATOP_MULT, reinterpret_cast<void (*)()>(apply_exact)));
+    : DirectionSolver(system, system.layout().create_displacement_vector()),
+      system_(system),
+      exact_operator_(condensed_operator(system, system.layout().displacement_size())),
+      hierarchy_(system) {
   choose();
 }
 

@@ -6,6 +6,7 @@
 
 #include "polyslip/common/mpi.hpp"
 #include "polyslip/la/vec_access.hpp"
+#include "polyslip/solver/condensed_operator.hpp"
 
 namespace polyslip::solver {
 
@@ -18,15 +19,6 @@ constexpr double unsettled = 0.05;  ///< Contact rows of a face, relative to the
 constexpr double enough = 0.003;    ///< Of all contact rows, relative to the start.
 constexpr double loose = 0.05;      ///< Of the momentum rows of W in 3D; bubbles and multipliers then follow exactly.
 constexpr double loose_of_rock = 0.01;  ///< The same of all of them: nothing else takes up what is left.
-
-/// The condensed operator of displacements alone, whatever else the system may hold.
-PetscErrorCode apply_rock(Mat shell, Vec x, Vec y) {
-  PetscFunctionBeginUser;
-  MechanicsSystem* system = nullptr;
-  PetscCall(MatShellGetContext(shell, &system));
-  PetscCallCXX(system->MechanicsSystem::apply_condensed(x, y));
-  PetscFunctionReturn(0);
-}
 
 /// As it is: its smoothers follow the rows that have changed by themselves, its coarse levels do not.
 PetscErrorCode precondition_rock(PC shell, Vec x, Vec y) {
@@ -105,11 +97,6 @@ bool NonlinearElimination::choose_rows() {
   return is_small;
 }
 
-void NonlinearElimination::choose_all_rows() {
-  rows_.resize(static_cast<std::size_t>(system_.layout().displacement_size()));
-  std::iota(rows_.begin(), rows_.end(), static_cast<PetscInt>(system_.layout().first()));
-}
-
 void NonlinearElimination::mark_neighbours(const std::vector<PetscInt>& rows) {
   std::vector<PetscScalar> ones;
   for (PetscInt row : rows) {
@@ -167,12 +154,13 @@ void NonlinearElimination::set_up_window() {
   POLYSLIP_PETSC(MatCreateVecs(matrix_, solution_.put(), rhs_.put()));
 }
 
+/// Once for all steps of an elimination.
 void NonlinearElimination::set_up_rock(PC of_rock) {
   if (ksp_.get() != nullptr) return;
-  const Index n = system_.layout().displacement_size();
+  rows_.resize(static_cast<std::size_t>(system_.layout().displacement_size()));
+  std::iota(rows_.begin(), rows_.end(), static_cast<PetscInt>(system_.layout().first()));
+  matrix_ = condensed_operator(system_, system_.layout().displacement_size());
   PC pc = nullptr;
-  POLYSLIP_PETSC(MatCreateShell(system_.mesh().comm, n, n, PETSC_DETERMINE, PETSC_DETERMINE, &system_, matrix_.put()));
-  POLYSLIP_PETSC(MatShellSetOperation(matrix_, MATOP_MULT, reinterpret_cast<void (*)()>(apply_rock)));
   POLYSLIP_PETSC(KSPCreate(system_.mesh().comm, ksp_.put()));
   POLYSLIP_PETSC(KSPSetOptionsPrefix(ksp_, prefix));
   POLYSLIP_PETSC(KSPSetType(ksp_, KSPFGMRES));
@@ -190,7 +178,7 @@ void NonlinearElimination::set_up_rock(PC of_rock) {
 /// One Newton step of W; false, on all ranks, where W is too large or cannot be solved.
 bool NonlinearElimination::step(Vec x, Vec f, PC of_rock) {
   if (of_rock != nullptr) {
-    choose_all_rows();
+    set_up_rock(of_rock);
   } else {
     choose_faces();
     if (!choose_rows()) return false;
@@ -198,10 +186,7 @@ bool NonlinearElimination::step(Vec x, Vec f, PC of_rock) {
   // Pressures stay as they are. What is set up for the whole system knows symmetric matrices alone.
   system_.linearise_contact(x, of_rock != nullptr ? MechanicsSystem::MatrixContent::symmetric : MechanicsSystem::MatrixContent::exact);
   system_.condense_residual(f, condensed_rows_);
-  if (of_rock != nullptr)
-    set_up_rock(of_rock);
-  else
-    set_up_window();
+  if (of_rock == nullptr) set_up_window();
   POLYSLIP_PETSC(VecZeroEntries(condensed_direction_));
   KSPConvergedReason reason = KSP_CONVERGED_ITERATING;
   const auto first = static_cast<PetscInt>(system_.layout().first());

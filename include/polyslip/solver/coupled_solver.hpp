@@ -12,6 +12,8 @@
 // -coupled_pc_type lu or fieldsplit chooses.
 #pragma once
 
+#include <array>
+
 #include "polyslip/assembly/coupled_system.hpp"
 #include "polyslip/solver/direction_solver.hpp"
 #include "polyslip/solver/displacement_multigrid.hpp"
@@ -41,6 +43,8 @@ class CoupledSolver final : public DirectionSolver {
   void set_up(bool again, bool moved);
   void set_up_direct(bool again);
   void set_up_blocks(bool again, bool moved);
+  /// The solvers of displacement and of pressure within the preconditioner that is set up.
+  [[nodiscard]] std::array<KSP, 2> blocks() const;
   void forget_other_steps();
   /// Whether a factorisation is that of the matrix at hand: by the law of contact and the matrix of flow. Where fractures conduct, their
   /// apertures enter too, and change.

@@ -32,7 +32,6 @@ class NonlinearElimination {
   void measure(Vec f);
   void choose_faces();
   bool choose_rows();
-  void choose_all_rows();
   void mark_neighbours(const std::vector<PetscInt>& rows);
   std::vector<PetscInt> marked_rows();
   void forget_window();
