@@ -13,53 +13,12 @@
 #include <vector>
 
 #include "polyslip/common/types.hpp"
+#include "polyslip/la/aij_parts.hpp"
 #include "polyslip/la/rank_order.hpp"
 
 namespace polyslip::la {
 
 namespace {
-
-/// Read access to one of the two local matrices of a MATAIJ.
-class Rows {
- public:
-  explicit Rows(Mat matrix) : matrix_(matrix) {
-    PetscBool done = PETSC_FALSE;
-    POLYSLIP_PETSC(MatGetRowIJ(matrix_, 0, PETSC_FALSE, PETSC_FALSE, &rows_, &offsets_, &columns_, &done));
-    POLYSLIP_PETSC(MatSeqAIJGetArrayRead(matrix_, &values_));
-  }
-  ~Rows() {
-    PetscBool done = PETSC_FALSE;
-    (void)MatSeqAIJRestoreArrayRead(matrix_, &values_);
-    (void)MatRestoreRowIJ(matrix_, 0, PETSC_FALSE, PETSC_FALSE, &rows_, &offsets_, &columns_, &done);
-  }
-  Rows(const Rows&) = delete;
-  Rows& operator=(const Rows&) = delete;
-
-  /// Calls visit(row, column, value) for the entries of some rows.
-  template <class Visit>
-  void visit(PetscInt first, PetscInt count, Visit&& visit) const {
-    for (PetscInt row = first; row < first + count; ++row)
-      for (PetscInt at = offsets_[row]; at < offsets_[row + 1]; ++at) visit(row, columns_[at], values_[at]);
-  }
-
- private:
-  Mat matrix_;
-  PetscInt rows_ = 0;
-  const PetscInt *offsets_ = nullptr, *columns_ = nullptr;
-  const PetscScalar* values_ = nullptr;
-};
-
-/// The local parts of a MATAIJ: columns of this rank, and those of others (null on one rank) with their global numbers.
-struct Parts {
-  Mat own, others = nullptr;
-  const PetscInt* global = nullptr;
-
-  explicit Parts(Mat matrix) : own(matrix) {
-    PetscBool is_parallel = PETSC_FALSE;
-    POLYSLIP_PETSC(PetscObjectTypeCompare(reinterpret_cast<PetscObject>(matrix), MATMPIAIJ, &is_parallel));
-    if (is_parallel) POLYSLIP_PETSC(MatMPIAIJGetSeqAIJ(matrix, &own, &others, &global));
-  }
-};
 
 /// Of A x = lambda B x with n x n entries, B positive definite; both are overwritten. By LAPACK: Eigen's takes the compiler a minute.
 double smallest_eigenvalue(PetscBLASInt n, double* a, double* b) {
@@ -76,7 +35,7 @@ template <int b>
 class FactorsOf final : public BlockFactors {
  public:
   FactorsOf(Mat matrix, PetscMPIInt tag, bool keeps_matrix) : exchange_(comm_of(matrix), tag) {
-    const Parts parts(matrix);
+    const AijParts parts(matrix);
     PetscInt rows = 0;
     POLYSLIP_PETSC(MatGetLocalSize(matrix, &rows, nullptr));
     nodes_ = rows / b;
@@ -95,7 +54,7 @@ class FactorsOf final : public BlockFactors {
   }
 
   bool factorise(Mat matrix) override {
-    const Parts parts(matrix);
+    const AijParts parts(matrix);
     const Entries entries(parts);
     damped_ = 0;
     bool is_finite = true;
@@ -180,10 +139,10 @@ class FactorsOf final : public BlockFactors {
 
   /// The rows of the matrix by turns.
   struct Entries {
-    Rows own;
-    std::optional<Rows> others;
+    AijRows own;
+    std::optional<AijRows> others;
     const PetscInt* global;
-    explicit Entries(const Parts& parts) : own(parts.own), global(parts.global) {
+    explicit Entries(const AijParts& parts) : own(parts.own), global(parts.global) {
       if (parts.others != nullptr) others.emplace(parts.others);
     }
   };
@@ -226,7 +185,7 @@ class FactorsOf final : public BlockFactors {
     }
   };
 
-  Numbering take_turns(Mat matrix, const Parts& parts, PetscMPIInt tag) {
+  Numbering take_turns(Mat matrix, const AijParts& parts, PetscMPIInt tag) {
     Numbering numbering;
     ghost_of_column_ = find_ghosts(parts, numbering);
     std::vector<Neighbour>& neighbours = numbering.neighbours;
@@ -260,7 +219,7 @@ class FactorsOf final : public BlockFactors {
   }
 
   /// Returns the ghost of each column of the matrix of others.
-  static std::vector<Index> find_ghosts(const Parts& parts, Numbering& numbering) {
+  static std::vector<Index> find_ghosts(const AijParts& parts, Numbering& numbering) {
     std::vector<Index> ghost_of_column;
     PetscInt columns = 0;
     if (parts.others != nullptr) POLYSLIP_PETSC(MatGetSize(parts.others, nullptr, &columns));
@@ -298,7 +257,7 @@ class FactorsOf final : public BlockFactors {
   }
 
   /// The pattern of L: where the matrix has blocks, and of ghosts what their ranks tell.
-  void find_lower(const Parts& parts, const Numbering& numbering) {
+  void find_lower(const AijParts& parts, const Numbering& numbering) {
     const Entries entries(parts);
     const Index turns = nodes_ + ghosts_;
     std::vector<Index> seen(static_cast<std::size_t>(turns), none), columns;
@@ -325,7 +284,7 @@ class FactorsOf final : public BlockFactors {
   }
 
   /// The pattern of what products need of other ranks.
-  void find_across(const Parts& parts, const Numbering& numbering) {
+  void find_across(const AijParts& parts, const Numbering& numbering) {
     const Entries entries(parts);
     std::vector<Index> row;
     for (Index i = ghosts_; i < border_end_; ++i) {

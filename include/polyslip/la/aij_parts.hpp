@@ -1,0 +1,56 @@
+// Read access to the local matrices that a MATAIJ consists of.
+#pragma once
+
+#include "polyslip/la/handle.hpp"
+
+namespace polyslip::la {
+
+/// A MATSEQAIJ, or one of the two that a MATMPIAIJ has on each rank.
+class AijRows {
+ public:
+  explicit AijRows(Mat matrix) : matrix_(matrix) {
+    PetscBool done = PETSC_FALSE;
+    POLYSLIP_PETSC(MatGetRowIJ(matrix_, 0, PETSC_FALSE, PETSC_FALSE, &rows_, &offsets_, &columns_, &done));
+    POLYSLIP_PETSC(MatSeqAIJGetArrayRead(matrix_, &values_));
+  }
+  ~AijRows() {
+    PetscBool done = PETSC_FALSE;
+    (void)MatSeqAIJRestoreArrayRead(matrix_, &values_);
+    (void)MatRestoreRowIJ(matrix_, 0, PETSC_FALSE, PETSC_FALSE, &rows_, &offsets_, &columns_, &done);
+  }
+  AijRows(const AijRows&) = delete;
+  AijRows& operator=(const AijRows&) = delete;
+
+  [[nodiscard]] PetscInt rows() const { return rows_; }
+  /// Entries of row i are those from offsets()[i] to offsets()[i + 1].
+  [[nodiscard]] const PetscInt* offsets() const { return offsets_; }
+  [[nodiscard]] const PetscInt* columns() const { return columns_; }
+  [[nodiscard]] const PetscScalar* values() const { return values_; }
+
+  /// Calls visit(row, column, value) for the entries of some rows.
+  template <class Visit>
+  void visit(PetscInt first, PetscInt count, Visit&& visit) const {
+    for (PetscInt row = first; row < first + count; ++row)
+      for (PetscInt at = offsets_[row]; at < offsets_[row + 1]; ++at) visit(row, columns_[at], values_[at]);
+  }
+
+ private:
+  Mat matrix_;
+  PetscInt rows_ = 0;
+  const PetscInt *offsets_ = nullptr, *columns_ = nullptr;
+  const PetscScalar* values_ = nullptr;
+};
+
+/// The local matrices of a MATAIJ: columns of this rank, and those of others (null on one rank) with their global numbers.
+struct AijParts {
+  Mat own, others = nullptr;
+  const PetscInt* global = nullptr;
+
+  explicit AijParts(Mat matrix) : own(matrix) {
+    PetscBool is_parallel = PETSC_FALSE;
+    POLYSLIP_PETSC(PetscObjectTypeCompare(reinterpret_cast<PetscObject>(matrix), MATMPIAIJ, &is_parallel));
+    if (is_parallel) POLYSLIP_PETSC(MatMPIAIJGetSeqAIJ(matrix, &own, &others, &global));
+  }
+};
+
+}  // namespace polyslip::la
