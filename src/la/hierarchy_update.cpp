@@ -4,6 +4,7 @@
 #include <utility>
 
 #include "polyslip/la/field_split.hpp"
+#include "polyslip/la/galerkin_product.hpp"
 #include "polyslip/la/incomplete_cholesky.hpp"
 #include "polyslip/la/vec_access.hpp"
 
@@ -101,7 +102,9 @@ void complete_hierarchy(PC pc) {
   take_residuals_from_smoothers(pc);
 }
 
-HierarchyUpdate::HierarchyUpdate(Mat fine, std::vector<PetscInt> rows) : fine_(fine), rows_(std::move(rows)), change_(rows_of(fine, rows_)) {}
+HierarchyUpdate::HierarchyUpdate(Mat fine, std::vector<PetscInt> rows) : fine_(fine), rows_(std::move(rows)), change_(rows_of(fine, rows_)) {
+  form_galerkin_products_by_blocks(change_);
+}
 
 bool HierarchyUpdate::can_update(PC pc) {
   PetscBool is_hierarchy = PETSC_FALSE;

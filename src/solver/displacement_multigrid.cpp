@@ -4,6 +4,7 @@
 
 #include "polyslip/common/mpi.hpp"
 #include "polyslip/la/field_split.hpp"
+#include "polyslip/la/galerkin_product.hpp"
 #include "polyslip/la/incomplete_cholesky.hpp"
 #include "polyslip/la/options.hpp"
 #include "polyslip/la/reuse.hpp"
@@ -57,7 +58,7 @@ bool suits_multigrid(const assembly::MechanicsSystem& system) {
 
 void default_displacement_multigrid(const assembly::MechanicsSystem& system, const std::string& prefix, int smoothing_steps) {
   const std::string p = is_split(system) ? default_split(prefix) : prefix;
-  // Galerkin products by two sparse products take half to two thirds of the time; on several ranks PETSc knows no such choice.
+  // Where Galerkin products are PETSc's, two sparse products take half to two thirds of the time; on several ranks it knows no such choice.
   if (mpi::size(system.mesh().comm) == 1) la::default_option("", "matptap_via", "rap");
   // Some threshold is needed where layers differ in stiffness; a larger one keeps couplings that cost more on coarse levels than they save.
   la::default_option(p, "pc_gamg_threshold", "0.005");
@@ -84,6 +85,7 @@ bool DisplacementHierarchy::has_one(PC pc) {
 void DisplacementHierarchy::set_up(KSP ksp) {
   PC pc = nullptr;
   POLYSLIP_PETSC(KSPGetPC(ksp, &pc));
+  la::form_galerkin_products_by_blocks(system_.matrix());
   changes_.reset();
   if (system_.fracture_faces() == 0 || !has_one(pc)) {
     follow(ksp);

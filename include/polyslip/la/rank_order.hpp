@@ -48,6 +48,7 @@ class Exchange {
 
  private:
   static MPI_Datatype type(const std::vector<float>&) { return MPI_FLOAT; }
+  static MPI_Datatype type(const std::vector<double>&) { return MPI_DOUBLE; }
   static MPI_Datatype type(const std::vector<PetscInt>&) { return MPIU_INT; }
 
   MPI_Comm comm_;

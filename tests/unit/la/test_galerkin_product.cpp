@@ -1,0 +1,152 @@
+// Galerkin products by blocks against those of PETSc.
+#include <gtest/gtest.h>
+
+#include <array>
+#include <cmath>
+#include <functional>
+#include <vector>
+
+#include "polyslip/common/mpi.hpp"
+#include "polyslip/la/galerkin_product.hpp"
+
+namespace polyslip {
+namespace {
+
+void assemble(Mat matrix) {
+  POLYSLIP_PETSC(MatAssemblyBegin(matrix, MAT_FINAL_ASSEMBLY));
+  POLYSLIP_PETSC(MatAssemblyEnd(matrix, MAT_FINAL_ASSEMBLY));
+}
+
+/// Blocks of r x c entries; columns(i) tells those of row i by their numbers over all ranks.
+template <class Columns>
+la::Handle<Mat> blocks(PetscInt r, PetscInt c, PetscInt rows, PetscInt columns_here, Columns&& columns, double seed) {
+  la::Handle<Mat> matrix;
+  POLYSLIP_PETSC(MatCreateAIJ(PETSC_COMM_WORLD, rows * r, columns_here * c, PETSC_DETERMINE, PETSC_DETERMINE, 12 * c, nullptr, 12 * c, nullptr,
+                              matrix.put()));
+  POLYSLIP_PETSC(MatSetBlockSizes(matrix, r, c));
+  PetscInt begin = 0, end = 0;
+  POLYSLIP_PETSC(MatGetOwnershipRange(matrix, &begin, &end));
+  for (PetscInt row = begin; row < end; ++row)
+    for (PetscInt column : columns(row / r))
+      for (PetscInt j = column * c; j < (column + 1) * c; ++j)
+        POLYSLIP_PETSC(MatSetValue(matrix, row, j, std::sin(seed + row + 0.7 * j), INSERT_VALUES));
+  assemble(matrix);
+  return matrix;
+}
+
+double distance(Mat one, Mat other) {
+  PetscReal size = 0, difference = 0;
+  la::Handle<Mat> copy;
+  POLYSLIP_PETSC(MatDuplicate(one, MAT_COPY_VALUES, copy.put()));
+  POLYSLIP_PETSC(MatNorm(one, NORM_FROBENIUS, &size));
+  POLYSLIP_PETSC(MatAXPY(copy, -1, other, DIFFERENT_NONZERO_PATTERN));
+  POLYSLIP_PETSC(MatNorm(copy, NORM_FROBENIUS, &difference));
+  return difference / size;
+}
+
+PetscInt entries(Mat matrix) {
+  MatInfo info;
+  POLYSLIP_PETSC(MatGetInfo(matrix, MAT_GLOBAL_SUM, &info));
+  return static_cast<PetscInt>(info.nz_used);
+}
+
+/// A ring of nodes, of which each is coupled with some near and some far; row 5 is empty. Aggregates of five, each node in two or three of
+/// them, one of these on another rank at times, and some of their columns on a third one.
+struct galerkin_product : testing::TestWithParam<std::array<PetscInt, 2>> {
+  const PetscInt b = GetParam()[0], c = GetParam()[1];
+  const PetscInt ranks = mpi::size(PETSC_COMM_WORLD), rank = mpi::rank(PETSC_COMM_WORLD);
+  const PetscInt nodes = 35 + 10 * rank, aggregates = nodes / 5;
+  const PetscInt all_nodes = 35 * ranks + 5 * ranks * (ranks - 1), all_aggregates = all_nodes / 5;
+
+  la::Handle<Mat> a(double seed) const {
+    return blocks(b, b, nodes, nodes, [&](PetscInt i) {
+      std::vector<PetscInt> columns;
+      if (i == 5) return columns;
+      for (PetscInt step : {-13, -1, 0, 1, 8}) columns.push_back((i + step + all_nodes) % all_nodes);
+      return columns;
+    }, seed);
+  }
+  la::Handle<Mat> p(double seed) const {
+    return blocks(b, c, nodes, aggregates, [&](PetscInt i) {
+      std::vector<PetscInt> columns{i / 5, (i / 5 + 1) % all_aggregates};
+      if (i % 4 == 0) columns.push_back((i / 5 + all_aggregates - 3) % all_aggregates);
+      return columns;
+    }, seed);
+  }
+};
+
+TEST_P(galerkin_product, is_that_of_petsc) {
+  const la::Handle<Mat> plain = a(0.3), matrix = a(0.3), prolongation = p(0.1);
+  la::Handle<Mat> expected, product;
+  POLYSLIP_PETSC(MatPtAP(plain, prolongation, MAT_INITIAL_MATRIX, PETSC_DEFAULT, expected.put()));
+  la::form_galerkin_products_by_blocks(matrix);
+  POLYSLIP_PETSC(MatPtAP(matrix, prolongation, MAT_INITIAL_MATRIX, PETSC_DEFAULT, product.put()));
+  EXPECT_FALSE(la::forms_galerkin_products_by_blocks(expected));
+  ASSERT_TRUE(la::forms_galerkin_products_by_blocks(product)) << "for the next level";
+  EXPECT_LT(distance(expected, product), 1e-14);
+  EXPECT_EQ(entries(product), entries(expected));
+  PetscInt block = 0;
+  POLYSLIP_PETSC(MatGetBlockSize(product, &block));
+  EXPECT_EQ(block, c);
+}
+
+TEST_P(galerkin_product, follows_new_entries_of_both_factors) {
+  const la::Handle<Mat> plain = a(0.9), matrix = a(0.3), prolongation = p(0.1), later = p(0.7);
+  la::Handle<Mat> expected, product;
+  la::form_galerkin_products_by_blocks(matrix);
+  POLYSLIP_PETSC(MatPtAP(matrix, prolongation, MAT_INITIAL_MATRIX, PETSC_DEFAULT, product.put()));
+  POLYSLIP_PETSC(MatCopy(plain, matrix, SAME_NONZERO_PATTERN));
+  POLYSLIP_PETSC(MatCopy(later, prolongation, SAME_NONZERO_PATTERN));
+  Mat reused = product;
+  POLYSLIP_PETSC(MatPtAP(matrix, prolongation, MAT_REUSE_MATRIX, PETSC_DEFAULT, &reused));
+  POLYSLIP_PETSC(MatPtAP(plain, prolongation, MAT_INITIAL_MATRIX, PETSC_DEFAULT, expected.put()));
+  EXPECT_LT(distance(expected, product), 1e-14);
+}
+
+TEST_P(galerkin_product, of_the_left_factor_alone_is_that_of_petsc) {
+  const la::Handle<Mat> plain = a(0.3), matrix = a(0.3), prolongation = p(0.1);
+  la::Handle<Mat> expected, product;
+  POLYSLIP_PETSC(MatMatMult(plain, prolongation, MAT_INITIAL_MATRIX, PETSC_DEFAULT, expected.put()));
+  la::form_galerkin_products_by_blocks(matrix);
+  POLYSLIP_PETSC(MatMatMult(matrix, prolongation, MAT_INITIAL_MATRIX, PETSC_DEFAULT, product.put()));
+  EXPECT_LT(distance(expected, product), 1e-14);
+  EXPECT_EQ(entries(product), entries(expected));
+}
+
+TEST_P(galerkin_product, is_left_to_petsc_where_a_block_is_not_whole) {
+  const auto add_entry = [&](Mat matrix) { POLYSLIP_PETSC(MatSetValue(matrix, 0, 20 * b + 1, 1, INSERT_VALUES)); };
+  const auto add_rows = [&](Mat matrix) {  // the first of a node in a column of blocks, the others in the next one
+    for (PetscInt row = 0; row < b; ++row)
+      for (PetscInt k = 0; k < b; ++k) POLYSLIP_PETSC(MatSetValue(matrix, row, (row == 0 ? 20 : 21) * b + k, 1, INSERT_VALUES));
+  };
+  for (const std::function<void(Mat)>& spoil : {std::function<void(Mat)>(add_entry), std::function<void(Mat)>(add_rows)}) {
+    const la::Handle<Mat> plain = a(0.3), matrix = a(0.3), prolongation = p(0.1);
+    for (Mat both : {plain.get(), matrix.get()}) {
+      POLYSLIP_PETSC(MatSetOption(both, MAT_NEW_NONZERO_ALLOCATION_ERR, PETSC_FALSE));
+      if (rank == 0) spoil(both);
+      assemble(both);
+    }
+    la::Handle<Mat> expected, product;
+    POLYSLIP_PETSC(MatPtAP(plain, prolongation, MAT_INITIAL_MATRIX, PETSC_DEFAULT, expected.put()));
+    la::form_galerkin_products_by_blocks(matrix);
+    POLYSLIP_PETSC(MatPtAP(matrix, prolongation, MAT_INITIAL_MATRIX, PETSC_DEFAULT, product.put()));
+    EXPECT_FALSE(la::forms_galerkin_products_by_blocks(product));
+    EXPECT_EQ(distance(expected, product), 0);
+  }
+}
+
+TEST_P(galerkin_product, is_left_to_petsc_by_option) {
+  const la::Handle<Mat> matrix = a(0.3), prolongation = p(0.1);
+  la::Handle<Mat> product;
+  la::form_galerkin_products_by_blocks(matrix);
+  POLYSLIP_PETSC(PetscOptionsSetValue(nullptr, "-galerkin_by_blocks", "false"));
+  POLYSLIP_PETSC(MatPtAP(matrix, prolongation, MAT_INITIAL_MATRIX, PETSC_DEFAULT, product.put()));
+  POLYSLIP_PETSC(PetscOptionsClearValue(nullptr, "-galerkin_by_blocks"));
+  EXPECT_FALSE(la::forms_galerkin_products_by_blocks(product));
+}
+
+INSTANTIATE_TEST_SUITE_P(blocks, galerkin_product, testing::Values(std::array<PetscInt, 2>{2, 3}, std::array<PetscInt, 2>{3, 3},
+                                                                   std::array<PetscInt, 2>{3, 6}, std::array<PetscInt, 2>{6, 6}));
+
+}  // namespace
+}  // namespace polyslip
