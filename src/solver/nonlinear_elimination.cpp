@@ -14,11 +14,10 @@ using assembly::MechanicsSystem;
 
 namespace {
 
-constexpr const char* prefix = "elimination_";
+constexpr const char *prefix = "elimination_", *rock_prefix = "elimination_rock_";
 constexpr double unsettled = 0.05;  ///< Contact rows of a face, relative to the largest.
 constexpr double enough = 0.003;    ///< Of all contact rows, relative to the start.
-constexpr double loose = 0.05;      ///< Of the momentum rows of W in 3D; bubbles and multipliers then follow exactly.
-constexpr double loose_of_rock = 0.01;  ///< The same of all of them: nothing else takes up what is left.
+constexpr double loose = 0.05;      ///< Of the momentum rows of W in 3D and of the rock; bubbles and multipliers then follow exactly.
 
 /// As it is: its smoothers follow the rows that have changed by themselves, its coarse levels do not.
 PetscErrorCode precondition_rock(PC shell, Vec x, Vec y) {
@@ -162,9 +161,9 @@ void NonlinearElimination::set_up_rock(PC of_rock) {
   matrix_ = condensed_operator(system_, system_.layout().displacement_size());
   PC pc = nullptr;
   POLYSLIP_PETSC(KSPCreate(system_.mesh().comm, ksp_.put()));
-  POLYSLIP_PETSC(KSPSetOptionsPrefix(ksp_, prefix));
+  POLYSLIP_PETSC(KSPSetOptionsPrefix(ksp_, rock_prefix));
   POLYSLIP_PETSC(KSPSetType(ksp_, KSPFGMRES));
-  POLYSLIP_PETSC(KSPSetTolerances(ksp_, loose_of_rock, PETSC_DEFAULT, PETSC_DEFAULT, 100));
+  POLYSLIP_PETSC(KSPSetTolerances(ksp_, loose, PETSC_DEFAULT, PETSC_DEFAULT, 100));
   POLYSLIP_PETSC(KSPSetOperators(ksp_, matrix_, system_.matrix()));
   POLYSLIP_PETSC(KSPGetPC(ksp_, &pc));
   POLYSLIP_PETSC(PCSetType(pc, PCSHELL));
@@ -216,11 +215,18 @@ bool NonlinearElimination::improve(Vec x, Vec f, PC of_rock) {
   if (takes_rock_ == PETSC_FALSE) of_rock = nullptr;
   measure(f);
   const double start = total_;
+  if (start == 0) return false;
   is_unsettled_.assign(sizes_.size(), 0);
   POLYSLIP_PETSC(VecCopy(x, start_x_));
   POLYSLIP_PETSC(VecCopy(f, start_f_));
-  for (; steps_ < most_steps_ && total_ > enough * start && step(x, f, of_rock);) ++steps_;
+  const auto is_unsettled = [&] { return total_ > enough * start; };
+  const PetscInt windows = of_rock != nullptr ? most_steps_ / 2 : most_steps_;
+  for (PetscInt k = 0; k < windows && is_unsettled() && step(x, f, nullptr); ++k) ++steps_;
   forget_window();
+  if (of_rock != nullptr) {
+    for (PetscInt k = 0; k < most_steps_ && (k == 0 || is_unsettled()) && step(x, f, of_rock); ++k) ++steps_;
+    forget_window();
+  }
   if (total_ < start) return true;
   POLYSLIP_PETSC(VecCopy(start_x_, x));
   POLYSLIP_PETSC(VecCopy(start_f_, f));
