@@ -72,6 +72,7 @@ void CoupledSolver::choose() {
   PetscBool splits = PETSC_FALSE;
   POLYSLIP_PETSC(PetscObjectTypeCompare(reinterpret_cast<PetscObject>(pc), PCFIELDSPLIT, &splits));
   if (!splits) content_ = MechanicsSystem::MatrixContent::exact;
+  loose_rtol_ = factorises_ ? 1e-2 : 1e-3;
   POLYSLIP_PETSC(PetscOptionsGetReal(nullptr, prefix, "-loose_rtol", &loose_rtol_, nullptr));
   if (factorises_) {
     POLYSLIP_PETSC(PCFactorSetMatSolverType(pc, MATSOLVERMUMPS));

@@ -63,7 +63,7 @@ class CoupledSolver final : public DirectionSolver {
   DisplacementHierarchy hierarchy_;
   assembly::MechanicsSystem::MatrixContent content_ = assembly::MechanicsSystem::MatrixContent::symmetric;
   std::string choice_;
-  PetscReal loose_rtol_ = 1e-3;  ///< -coupled_loose_rtol: of multigrid and of an old factorisation
+  PetscReal loose_rtol_ = 0;  ///< -coupled_loose_rtol: of multigrid and of an old factorisation
   bool factorises_ = false, has_preconditioner_ = false, starts_step_ = false;
   std::vector<physics::ContactState> states_of_fixed_stress_;  ///< Of the owned faces.
   long long changed_since_setup_ = 0, flow_of_setup_ = -1;  ///< The latter is a CoupledSystem::flow_matrix_version.
