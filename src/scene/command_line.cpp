@@ -28,9 +28,10 @@ Numerics are PETSc options:
   Newton (no prefix)        -snes_rtol 1e-10, -snes_max_it 25 (before the next remedy), -snes_view, -snes_linesearch_type activeset,
                             -snes_linesearch_max_it 12, -snes_linesearch_activeset_memory 5, _decrease 1e-4, _revisits 2
   nonlinear elimination     -elimination_share 0.2 (of the displacements; 3D: 1; 0: off), _rings 4 (3D: 2), _max_it 8, every _ksp_* and
-                            _pc_* option; _rock: all displacements at once, where fluid comes with multigrid
+                            _pc_* option; _rock true: all displacements after that, where fluid comes with multigrid (_rock_ksp_*)
   condensed nodal system    -displacement_ksp_type, -displacement_ksp_rtol 1e-8, -displacement_pc_type (cholesky or gamg by size; lu
                             factorises the exact unsymmetric matrix), every -displacement_pc_gamg_*, _hypre_*, _mumps_* option
+                            -galerkin_by_blocks true (products of GAMG, else by PETSc)
   saddle formulation        -ksp_type, -pc_type (contact.formulation: saddle; default: LU by MUMPS)
   recipes                   -options_file options/direct.opts, options/amg.opts, options/hypre.opts
   profile                   -log_view (stages read, partition, assemble, contact, condense, solve, eliminate, write)

@@ -24,9 +24,10 @@ constexpr double nearly_solved = 0.03;  ///< Relative residual of the contact ro
 /// Relative to the scene's beta. Springs leave jumps that know where faces slip; with more of them in z directions of slip settle sooner.
 constexpr double beta_after_springs = 3;
 
+bool is_contact_solved(const assembly::ResidualNorms& n, double atol, double rtol) { return n.contact <= std::max(atol, rtol * n.contact_scale); }
+
 bool is_solved(const assembly::ResidualNorms& n, double atol, double rtol) {
-  return n.momentum <= std::max({atol, rtol * n.momentum_scale, n.momentum_floor}) && n.contact <= std::max(atol, rtol * n.contact_scale) &&
-         is_balanced(n, rtol);
+  return n.momentum <= std::max({atol, rtol * n.momentum_scale, n.momentum_floor}) && is_contact_solved(n, atol, rtol) && is_balanced(n, rtol);
 }
 
 }  // namespace
@@ -201,7 +202,7 @@ PetscErrorCode ContactNewton::test_convergence(SNES snes, PetscInt iteration, Pe
     PetscCallCXX(self->measure(x, f));
   }
   self->window_steps_ = 0;
-  if (iteration > 0 && max_it > 1 && !is_solved(n, atol, rtol)) PetscCallCXX(self->eliminate(x, f));
+  if (iteration > 0 && max_it > 1 && !is_contact_solved(n, atol, rtol)) PetscCallCXX(self->eliminate(x, f));
   // Contact rows that are nearer to zero than the momentum rows by far tell nothing: a loose solve may leave them so, and the step that
   // balances momentum may well raise them.
   const double imbalance = n.momentum_scale > 0 ? 10 * n.momentum / n.momentum_scale : 0;

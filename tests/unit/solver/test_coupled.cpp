@@ -194,6 +194,21 @@ TEST_P(predicted_steps, start_where_they_are_when_the_last_speed_misleads) {
   EXPECT_EQ(misled.newton, plain.newton);
 }
 
+TEST(coupled_elimination, leaves_contact_rows_alone_that_are_solved) {
+  const ScopedOption split("-coupled_pc_type", "fieldsplit"), short_solves("-coupled_ksp_max_it", "3");
+  CoupledScene scene({2, "quads"}, {.friction = 0.4}, 8);
+  solver::ContactNewton newton(*scene.system, std::make_unique<solver::CoupledSolver>(*scene.system));
+  solver::CoupledStep step(*scene.system, newton, 0);
+  int rested = 0;
+  newton.monitor = [&](const solver::NewtonRecord& record) {
+    if (record.iteration < 2 || record.changed > 0 || record.contact > 1e-12) return;
+    ++rested;
+    EXPECT_EQ(record.window_steps, 0) << "iteration " << record.iteration;
+  };
+  ASSERT_TRUE(step.attempt(0, 0.25, 0.25).converged);
+  EXPECT_GT(rested, 2) << "short solves of what fluid and rock do are nothing to contact";
+}
+
 TEST(coupled_rows, are_measured_one_by_one_and_by_what_they_lose_together) {
   CoupledScene scene({2, "quads"}, {});
   CoupledSystem& system = *scene.system;
