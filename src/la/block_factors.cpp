@@ -12,6 +12,7 @@
 #include <utility>
 #include <vector>
 
+#include "polyslip/common/mpi.hpp"
 #include "polyslip/common/types.hpp"
 #include "polyslip/la/aij_parts.hpp"
 #include "polyslip/la/rank_order.hpp"
@@ -54,16 +55,11 @@ class FactorsOf final : public BlockFactors {
   }
 
   bool factorise(Mat matrix) override {
-    const AijParts parts(matrix);
-    const Entries entries(parts);
-    damped_ = 0;
-    bool is_finite = true;
-    for (Border& border : before_) receive_rows(border);
-    for (Index i = ghosts_; i < border_end_; ++i) is_finite = factorise_row(entries, i) && is_finite;
-    for (Border& border : after_) send_rows(border);
-    exchange_.finish();
-    for (Index i = border_end_; i < ghosts_ + nodes_; ++i) is_finite = factorise_row(entries, i) && is_finite;
-    return is_finite;
+    for (bool updates : {true, false}) {
+      updates_ = updates;
+      if (!mpi::any(comm_of(matrix), !factorise_once(matrix))) return true;
+    }
+    return false;
   }
 
   void solve(const Values& r, Values& z) override {
@@ -380,6 +376,20 @@ class FactorsOf final : public BlockFactors {
     for (std::size_t k = 0; k < border.turns.size(); ++k) take(lanes(at(values, border.turns[k], width)), lanes(at(buffer_, k, width)));
   }
 
+  /// False where an entry is not finite, on this rank.
+  bool factorise_once(Mat matrix) {
+    const AijParts parts(matrix);
+    const Entries entries(parts);
+    damped_ = 0;
+    bool is_finite = true;
+    for (Border& border : before_) receive_rows(border);
+    for (Index i = ghosts_; i < border_end_; ++i) is_finite = factorise_row(entries, i) && is_finite;
+    for (Border& border : after_) send_rows(border);
+    exchange_.finish();
+    for (Index i = border_end_; i < ghosts_ + nodes_; ++i) is_finite = factorise_row(entries, i) && is_finite;
+    return is_finite;
+  }
+
   bool factorise_row(const Entries& entries, Index i) {
     const std::span<const Index> lower = std::as_const(lower_)[i];
     const Index first = lower_.offsets[i];
@@ -397,12 +407,12 @@ class FactorsOf final : public BlockFactors {
     for (std::size_t s = 0; s < lower.size(); ++s) {
       const Index j = lower[s];
       Block& w = row_[s];
-      for (Index t = lower_.offsets[j]; t < lower_.offsets[j + 1]; ++t) {
+      for (Index t = lower_.offsets[j]; updates_ && t < lower_.offsets[j + 1]; ++t) {
         const Index u = slot_[static_cast<std::size_t>(lower_.values[static_cast<std::size_t>(t)])];
         if (u != none) w.noalias() -= row_[static_cast<std::size_t>(u)] * block_at(values_, t).transpose();
       }
       const Block l = w * block_at(inverse_, j);
-      d.noalias() -= w * l.transpose();
+      if (updates_) d.noalias() -= w * l.transpose();
       Stored(at(values_, first + static_cast<Index>(s), size)) = l.template cast<float>();
     }
     for (const Index j : lower) slot_[static_cast<std::size_t>(j)] = none;
@@ -491,6 +501,7 @@ class FactorsOf final : public BlockFactors {
   }
 
   Index nodes_ = 0, border_end_ = 0, ghosts_ = 0, damped_ = 0;
+  bool updates_ = true;  ///< Whether rows above change those below.
   std::vector<Index> node_at_, turn_of_;  ///< Node by its turn, `none` for ghosts; and back.
   std::vector<Index> turn_of_column_;     ///< Of the matrix of others; `none` for ghosts of later ranks.
   Csr lower_;                             ///< Columns of L by turns.

@@ -12,6 +12,9 @@
 // within at once. So it takes nearly the same iterations on any number of ranks; the price is that a rank waits at each application for the
 // borders of those of lower colours, and back. And omega keeps M positive definite without a shift of all rows.
 //
+// Where rows that are all but dependent (volumes that hardly change) let L grow beyond what is finite, all is done again with W_ij = A_ij and
+// D_i = A_ii, which is symmetric Gauss-Seidel and positive definite whatever A.
+//
 // The matrix itself, for products with it, is held by its lower blocks and the diagonal ones: a third of the bytes of a MATAIJ.
 #pragma once
 
@@ -34,7 +37,7 @@ class BlockFactors {
   BlockFactors& operator=(const BlockFactors&) = delete;
   virtual ~BlockFactors() = default;
 
-  /// Takes over the entries of a matrix of the same pattern, and factorises it. False where an entry is not finite.
+  /// Takes over the entries of a matrix of the same pattern, and factorises it. False, on all ranks, where an entry is not finite. Collective.
   virtual bool factorise(Mat matrix) = 0;
   /// z = M^{-1} r
   virtual void solve(const Values& r, Values& z) = 0;
