@@ -48,7 +48,8 @@ class BlockRows {
       for (std::size_t k = 0; k < row.size(); ++k) {
         const std::size_t start = k - k % c;
         if (row[k] != row[start] + static_cast<PetscInt>(k - start) || row[start] % c != 0) return false;
-        if (global != nullptr && (global[row[k]] != global[row[start]] + static_cast<PetscInt>(k - start) || global[row[start]] % c != 0)) return false;
+        if (global == nullptr) continue;
+        if (global[row[k]] != global[row[start]] + static_cast<PetscInt>(k - start) || global[row[start]] % c != 0) return false;
       }
       for (PetscInt i = first + 1; i < first + r; ++i)
         if (!std::equal(row.begin(), row.end(), rows_.columns() + offsets[i], rows_.columns() + offsets[i + 1])) return false;
@@ -528,7 +529,8 @@ class ProductPtAp final : public ProductWithP<b, c> {
     for (std::size_t n = 0; n < neighbours_.size(); ++n) {
       for (PetscInt ghost : neighbours_[n].ghosts) {
         const auto* offset = rows_.offsets.data() + owned_ + ghost;
-        messages[n].insert(messages[n].end(), sums.data() + static_cast<std::size_t>(offset[0]) * size, sums.data() + static_cast<std::size_t>(offset[1]) * size);
+        messages[n].insert(messages[n].end(), sums.data() + static_cast<std::size_t>(offset[0]) * size,
+                           sums.data() + static_cast<std::size_t>(offset[1]) * size);
       }
       if (!neighbours_[n].ghosts.empty()) exchange.send(neighbours_[n].rank, messages[n]);
     }
