@@ -194,8 +194,9 @@ class ProductWithP : public Product {
     POLYSLIP_PETSC(MatCreateSubMatrices(p, 1, &rows, &columns, ghost_rows_ == nullptr ? MAT_INITIAL_MATRIX : MAT_REUSE_MATRIX, &ghost_rows_));
   }
 
+  [[nodiscard]] bool is_own(GlobalIndex aggregate) const { return aggregate >= first_ && aggregate < first_ + owned_; }
   [[nodiscard]] Index local(GlobalIndex aggregate) const {
-    if (aggregate >= first_ && aggregate < first_ + owned_) return aggregate - first_;
+    if (is_own(aggregate)) return aggregate - first_;
     return owned_ + static_cast<Index>(std::lower_bound(ghosts_.begin(), ghosts_.end(), aggregate) - ghosts_.begin());
   }
   [[nodiscard]] GlobalIndex global(Index aggregate) const {
@@ -220,7 +221,7 @@ class ProductWithP : public Product {
     };
     visit_ghost_rows([&](Index i) {
       factors.p_of_ghosts->visit(i, [&](GlobalIndex aggregate, const double*, PetscInt) {
-        if (aggregate < first_ || aggregate >= first_ + owned_) ghosts_.push_back(aggregate);
+        if (!is_own(aggregate)) ghosts_.push_back(aggregate);
       });
     });
     sort_ghosts();
@@ -371,7 +372,7 @@ template <int b, int c>
 class ProductPtAp final : public ProductWithP<b, c> {
   using Base = ProductWithP<b, c>;
   using Factors = typename Base::Factors;
-  using Base::first_, Base::ghosts_, Base::global, Base::local, Base::owned_;
+  using Base::ghosts_, Base::global, Base::is_own, Base::local, Base::owned_;
 
  public:
   /// Finds the pattern of the product, and gives it that.
@@ -476,7 +477,7 @@ class ProductPtAp final : public ProductWithP<b, c> {
     for (std::size_t n = 0; n < neighbours_.size(); ++n)
       visit_message(neighbours_[n], received[n], [&](Index, std::span<const PetscInt> columns) {
         for (PetscInt column : columns)
-          if (column < first_ || column >= first_ + owned_) ghosts_.push_back(column);
+          if (!is_own(column)) ghosts_.push_back(column);
       });
     Base::sort_ghosts();
     const auto now = [&](Index column) { return column < owned_ ? column : local(before[static_cast<std::size_t>(column - owned_)]); };

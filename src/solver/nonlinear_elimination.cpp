@@ -215,7 +215,6 @@ bool NonlinearElimination::improve(Vec x, Vec f, PC of_rock) {
   if (takes_rock_ == PETSC_FALSE) of_rock = nullptr;
   measure(f);
   const double start = total_;
-  if (start == 0) return false;
   is_unsettled_.assign(sizes_.size(), 0);
   POLYSLIP_PETSC(VecCopy(x, start_x_));
   POLYSLIP_PETSC(VecCopy(f, start_f_));

@@ -3,6 +3,7 @@
 
 #include <petscmat.h>
 
+#include "polyslip/common/types.hpp"
 #include "polyslip/la/handle.hpp"
 
 namespace polyslip::solver {

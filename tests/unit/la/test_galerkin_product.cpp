@@ -50,6 +50,23 @@ PetscInt entries(Mat matrix) {
   return static_cast<PetscInt>(info.nz_used);
 }
 
+la::Handle<Mat> galerkin(Mat a, Mat p) {
+  la::Handle<Mat> product;
+  POLYSLIP_PETSC(MatPtAP(a, p, MAT_INITIAL_MATRIX, PETSC_DEFAULT, product.put()));
+  return product;
+}
+la::Handle<Mat> left(Mat a, Mat p) {
+  la::Handle<Mat> product;
+  POLYSLIP_PETSC(MatMatMult(a, p, MAT_INITIAL_MATRIX, PETSC_DEFAULT, product.put()));
+  return product;
+}
+/// The same for a matrix of which that is said first.
+template <class Product>
+la::Handle<Mat> by_blocks(Product&& product, Mat a, Mat p) {
+  la::form_galerkin_products_by_blocks(a);
+  return product(a, p);
+}
+
 /// A ring of nodes, of which each is coupled with some near and some far; row 5 is empty. Aggregates of five, each node in two or three of
 /// them, one of these on another rank at times, and some of their columns on a third one.
 struct galerkin_product : testing::TestWithParam<std::array<PetscInt, 2>> {
@@ -76,11 +93,8 @@ struct galerkin_product : testing::TestWithParam<std::array<PetscInt, 2>> {
 };
 
 TEST_P(galerkin_product, is_that_of_petsc) {
-  const la::Handle<Mat> plain = a(0.3), matrix = a(0.3), prolongation = p(0.1);
-  la::Handle<Mat> expected, product;
-  POLYSLIP_PETSC(MatPtAP(plain, prolongation, MAT_INITIAL_MATRIX, PETSC_DEFAULT, expected.put()));
-  la::form_galerkin_products_by_blocks(matrix);
-  POLYSLIP_PETSC(MatPtAP(matrix, prolongation, MAT_INITIAL_MATRIX, PETSC_DEFAULT, product.put()));
+  const la::Handle<Mat> prolongation = p(0.1);
+  const la::Handle<Mat> expected = galerkin(a(0.3), prolongation), product = by_blocks(galerkin, a(0.3), prolongation);
   EXPECT_FALSE(la::forms_galerkin_products_by_blocks(expected));
   ASSERT_TRUE(la::forms_galerkin_products_by_blocks(product)) << "for the next level";
   EXPECT_LT(distance(expected, product), 1e-14);
@@ -92,23 +106,17 @@ TEST_P(galerkin_product, is_that_of_petsc) {
 
 TEST_P(galerkin_product, follows_new_entries_of_both_factors) {
   const la::Handle<Mat> plain = a(0.9), matrix = a(0.3), prolongation = p(0.1), later = p(0.7);
-  la::Handle<Mat> expected, product;
-  la::form_galerkin_products_by_blocks(matrix);
-  POLYSLIP_PETSC(MatPtAP(matrix, prolongation, MAT_INITIAL_MATRIX, PETSC_DEFAULT, product.put()));
+  const la::Handle<Mat> product = by_blocks(galerkin, matrix, prolongation);
   POLYSLIP_PETSC(MatCopy(plain, matrix, SAME_NONZERO_PATTERN));
   POLYSLIP_PETSC(MatCopy(later, prolongation, SAME_NONZERO_PATTERN));
   Mat reused = product;
   POLYSLIP_PETSC(MatPtAP(matrix, prolongation, MAT_REUSE_MATRIX, PETSC_DEFAULT, &reused));
-  POLYSLIP_PETSC(MatPtAP(plain, prolongation, MAT_INITIAL_MATRIX, PETSC_DEFAULT, expected.put()));
-  EXPECT_LT(distance(expected, product), 1e-14);
+  EXPECT_LT(distance(galerkin(plain, prolongation), product), 1e-14);
 }
 
 TEST_P(galerkin_product, of_the_left_factor_alone_is_that_of_petsc) {
-  const la::Handle<Mat> plain = a(0.3), matrix = a(0.3), prolongation = p(0.1);
-  la::Handle<Mat> expected, product;
-  POLYSLIP_PETSC(MatMatMult(plain, prolongation, MAT_INITIAL_MATRIX, PETSC_DEFAULT, expected.put()));
-  la::form_galerkin_products_by_blocks(matrix);
-  POLYSLIP_PETSC(MatMatMult(matrix, prolongation, MAT_INITIAL_MATRIX, PETSC_DEFAULT, product.put()));
+  const la::Handle<Mat> prolongation = p(0.1);
+  const la::Handle<Mat> expected = left(a(0.3), prolongation), product = by_blocks(left, a(0.3), prolongation);
   EXPECT_LT(distance(expected, product), 1e-14);
   EXPECT_EQ(entries(product), entries(expected));
 }
@@ -126,21 +134,15 @@ TEST_P(galerkin_product, is_left_to_petsc_where_a_block_is_not_whole) {
       if (rank == 0) spoil(both);
       assemble(both);
     }
-    la::Handle<Mat> expected, product;
-    POLYSLIP_PETSC(MatPtAP(plain, prolongation, MAT_INITIAL_MATRIX, PETSC_DEFAULT, expected.put()));
-    la::form_galerkin_products_by_blocks(matrix);
-    POLYSLIP_PETSC(MatPtAP(matrix, prolongation, MAT_INITIAL_MATRIX, PETSC_DEFAULT, product.put()));
+    const la::Handle<Mat> expected = galerkin(plain, prolongation), product = by_blocks(galerkin, matrix, prolongation);
     EXPECT_FALSE(la::forms_galerkin_products_by_blocks(product));
     EXPECT_EQ(distance(expected, product), 0);
   }
 }
 
 TEST_P(galerkin_product, is_left_to_petsc_by_option) {
-  const la::Handle<Mat> matrix = a(0.3), prolongation = p(0.1);
-  la::Handle<Mat> product;
-  la::form_galerkin_products_by_blocks(matrix);
   POLYSLIP_PETSC(PetscOptionsSetValue(nullptr, "-galerkin_by_blocks", "false"));
-  POLYSLIP_PETSC(MatPtAP(matrix, prolongation, MAT_INITIAL_MATRIX, PETSC_DEFAULT, product.put()));
+  const la::Handle<Mat> product = by_blocks(galerkin, a(0.3), p(0.1));
   POLYSLIP_PETSC(PetscOptionsClearValue(nullptr, "-galerkin_by_blocks"));
   EXPECT_FALSE(la::forms_galerkin_products_by_blocks(product));
 }
