@@ -2,7 +2,6 @@
 
 #include <algorithm>
 #include <array>
-#include <limits>
 #include <numeric>
 #include <utility>
 
@@ -97,12 +96,21 @@ std::vector<GlobalIndex> counted(const Numbering& numbers) {
   return result;
 }
 
-std::vector<Index> copy_owner(const PolyMesh& mesh, const std::vector<Index>& part) {
-  std::vector<Index> owner(mesh.n_copies(), std::numeric_limits<Index>::max());
-  for (Index cell = 0; cell < mesh.n_cells(); ++cell) {
-    for (const Index copy : mesh.copies_of(cell)) owner[copy] = std::min(owner[copy], part[cell]);
+std::vector<Index> Sharers::owners(const std::vector<Index>& row, std::span<const Index> numbers) const {
+  std::vector<Index> result(ranks_.size());
+  for (std::size_t i = 0; i < ranks_.size(); ++i) {
+    const Index number = numbers.empty() ? row[i] : numbers[row[i]];
+    result[i] = ranks_[i][static_cast<std::size_t>(number / run % 2)];
   }
-  return owner;
+  return result;
+}
+
+Sharers copy_sharers(const PolyMesh& mesh, const std::vector<Index>& part) {
+  Sharers sharers(mesh.n_copies());
+  for (Index cell = 0; cell < mesh.n_cells(); ++cell) {
+    for (const Index copy : mesh.copies_of(cell)) sharers.add(copy, part[cell]);
+  }
+  return sharers;
 }
 
 std::vector<Index> fracture_owner(const PolyMesh& mesh, const std::vector<Index>& part) {
@@ -113,14 +121,14 @@ std::vector<Index> fracture_owner(const PolyMesh& mesh, const std::vector<Index>
   return owner;
 }
 
-PartCutter::PartCutter(const PolyMesh& whole, const std::vector<Index>& part, Index ranks, FlowEntities flow)
+PartCutter::PartCutter(const PolyMesh& whole, const std::vector<Index>& part, Index ranks, FlowEntities flow, const WholeNumbers& numbers)
     : whole_(whole),
       flow_(std::move(flow)),
       node_cells_(transpose(whole.cell_nodes, whole.n_nodes())),
       cell_owners_(part, ranks),
-      copy_owners_(copy_owner(whole, part), ranks),
+      copy_owners_(copy_sharers(whole, part).owners(whole.copy_node, numbers.nodes), ranks),
       fracture_owners_(fracture_owner(whole, part), ranks),
-      trace_owners_(trace_owner(whole, flow_, part), ranks),
+      trace_owners_(trace_sharers(whole, flow_, part).owners(flow_.trace_face, numbers.faces), ranks),
       ridge_owners_(ridge_owner(whole, flow_, part), ranks),
       fracture_faces_(inner_fracture_faces(whole)),
       cells_(whole.n_cells()),

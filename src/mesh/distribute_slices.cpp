@@ -105,7 +105,8 @@ DistributedMesh distribute(SlicedMesh&& mesh, const std::vector<Index>& part, co
   { const SlicedMesh freed = std::move(mesh); }
   build_copies(piece.mesh);
   const FlowEntities flow = options.flow ? flow_entities(piece.mesh) : FlowEntities();
-  DistributedMesh mine = PartCutter(piece.mesh, piece.part, mpi::size(comm), flow).cut(mpi::rank(comm));
+  const WholeNumbers numbers{.nodes = piece.nodes, .faces = piece.faces};
+  DistributedMesh mine = PartCutter(piece.mesh, piece.part, mpi::size(comm), flow, numbers).cut(mpi::rank(comm));
 
   mine.comm = comm;
   mine.total_nodes = nodes.total;

@@ -102,15 +102,15 @@ FlowEntities flow_entities(const PolyMesh& whole) {
   return flow;
 }
 
-std::vector<Index> trace_owner(const PolyMesh& whole, const FlowEntities& flow, const std::vector<Index>& part) {
-  std::vector<Index> owner(flow.trace_face.size(), std::numeric_limits<Index>::max());
+Sharers trace_sharers(const PolyMesh& whole, const FlowEntities& flow, const std::vector<Index>& part) {
+  Sharers sharers(static_cast<Index>(flow.trace_face.size()));
   for (std::size_t face = 0; face < flow.face_traces.size(); ++face) {
     for (int side = 0; side < 2; ++side) {
       const Index trace = flow.face_traces[face][side];
-      if (trace >= 0) owner[trace] = std::min(owner[trace], part[whole.face_cells[face][side]]);
+      if (trace >= 0) sharers.add(trace, part[whole.face_cells[face][side]]);
     }
   }
-  return owner;
+  return sharers;
 }
 
 std::vector<Index> ridge_owner(const PolyMesh& whole, const FlowEntities& flow, const std::vector<Index>& part) {

@@ -1,6 +1,9 @@
 // Cutting the part of one rank, ghosts and global numbers included, out of a serial mesh.
 #pragma once
 
+#include <algorithm>
+#include <array>
+#include <limits>
 #include <span>
 #include <vector>
 
@@ -51,12 +54,17 @@ class LocalSet {
   std::vector<Index> local_, members_;
 };
 
+/// Numbers in the whole mesh of the nodes and faces of a piece of it; none where the piece is the whole.
+struct WholeNumbers {
+  std::span<const Index> nodes, faces;
+};
+
 /// Cuts part after part out of one mesh (which must have its copies built). Linear in the size of the parts.
 class PartCutter {
  public:
   /// part[c] is the rank of cell c. Borrows the mesh. `flow` holds the flow entities of the whole mesh, or nothing where none are
   /// asked for.
-  PartCutter(const PolyMesh& whole, const std::vector<Index>& part, Index ranks, FlowEntities flow = {});
+  PartCutter(const PolyMesh& whole, const std::vector<Index>& part, Index ranks, FlowEntities flow = {}, const WholeNumbers& numbers = {});
 
   /// The part of a rank, ghosts included; its comm is left to the caller.
   DistributedMesh cut(Index rank);
@@ -86,8 +94,29 @@ Numbering all_owned(Index n);
 /// 0, 1 ... for each owned entity.
 std::vector<GlobalIndex> counted(const Numbering& numbers);
 
-/// Owner of each copy: the lowest rank that owns a cell which sees it.
-std::vector<Index> copy_owner(const PolyMesh& mesh, const std::vector<Index>& part);
+/// The ranks that own cells which see some entities, and the owner of each: the lowest of these ranks or the highest, in turns by runs of the
+/// entities' numbers in the whole mesh. So half of a border falls to either side, in patches, and who owns what shows from the cells around
+/// it alone.
+class Sharers {
+ public:
+  explicit Sharers(Index entities) : ranks_(static_cast<std::size_t>(entities), {std::numeric_limits<Index>::max(), -1}) {}
+
+  void add(Index entity, Index rank) {
+    auto& [lowest, highest] = ranks_[static_cast<std::size_t>(entity)];
+    lowest = std::min(lowest, rank);
+    highest = std::max(highest, rank);
+  }
+  /// `row` is the node or face of each entity, and `numbers` the numbers of these in the whole mesh, or none where they are the same.
+  [[nodiscard]] std::vector<Index> owners(const std::vector<Index>& row, std::span<const Index> numbers) const;
+
+  static constexpr Index run = 256;  ///< Enough for patches some nodes wide in 3D, few enough for many turns at each border.
+
+ private:
+  std::vector<std::array<Index, 2>> ranks_;
+};
+
+/// Those of each copy.
+Sharers copy_sharers(const PolyMesh& mesh, const std::vector<Index>& part);
 /// Owner of each fracture face, that of its + cell; -1 off Gamma.
 std::vector<Index> fracture_owner(const PolyMesh& mesh, const std::vector<Index>& part);
 

@@ -3,6 +3,7 @@
 
 #include <vector>
 
+#include "polyslip/mesh/cut.hpp"
 #include "polyslip/mesh/distributed_mesh.hpp"
 
 namespace polyslip::mesh {
@@ -14,8 +15,8 @@ std::vector<Index> inner_fracture_faces(const PolyMesh& whole);
 /// fracture face that has them and their place in it. Linear in the faces but for a sorted map of the ridges.
 FlowEntities flow_entities(const PolyMesh& whole);
 
-/// Owner of each trace: the lowest rank that owns a cell which sees it. part[c] is the rank of cell c.
-std::vector<Index> trace_owner(const PolyMesh& whole, const FlowEntities& flow, const std::vector<Index>& part);
+/// Those of each trace. part[c] is the rank of cell c.
+Sharers trace_sharers(const PolyMesh& whole, const FlowEntities& flow, const std::vector<Index>& part);
 /// Owner of each ridge: the lowest rank that owns a fracture face (its + cell) which has it.
 std::vector<Index> ridge_owner(const PolyMesh& whole, const FlowEntities& flow, const std::vector<Index>& part);
 

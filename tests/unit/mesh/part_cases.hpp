@@ -3,6 +3,7 @@
 
 #include <cmath>
 #include <numeric>
+#include <set>
 #include <string>
 #include <utility>
 #include <vector>
@@ -45,6 +46,11 @@ inline std::vector<std::pair<std::string, std::vector<Index>>> splits(Index n, I
   return {{"blocks", blocks}, {"scattered", scattered}, {"all on the last rank", last}, {"one cell on the last rank", single_cell}};
 }
 
+/// The owner of what cells of these ranks see, its node or face by the number in the whole mesh: the lowest or the highest, by runs of 256.
+inline Index owner_among(const std::set<Index>& ranks, Index number) {
+  return number / 256 % 2 == 0 ? *ranks.begin() : *ranks.rbegin();
+}
+
 /// Meshes with and without fractures, each split by METIS and in bad ways.
 inline std::vector<Case> cases(const PartitionOptions& options = {}) {
   std::vector<Case> result;
@@ -53,6 +59,7 @@ inline std::vector<Case> cases(const PartitionOptions& options = {}) {
       {"2D, crossing", grid(2, {8, 6, 0}, crossing())},
       {"3D, crossing", grid(3, {4, 4, 3}, crossing())},
       {"3D, three planes that meet", grid(3, {4, 4, 4}, three_planes())},
+      {"3D, some runs of nodes and faces", grid(3, {10, 9, 8}, crossing())},
       {"2D, every face a fracture", grid(2, {9, 5, 0}, [](auto&, int) { return true; })},
       {"3D, every face a fracture", grid(3, {4, 3, 3}, [](auto&, int) { return true; })}};
   for (const auto& [name, mesh] : meshes) {
