@@ -30,8 +30,8 @@ double smallest_eigenvalue(PetscBLASInt n, double* a, double* b) {
   return info == 0 ? eigenvalues.front() : std::numeric_limits<double>::quiet_NaN();
 }
 
-/// Blocks of b x b entries, row by row. Nodes have turns: first the ghosts of ranks of lower colours, then the nodes of this rank that others
-/// see, then those that none sees.
+/// Blocks of b x b entries, row by row. Nodes have turns: first the ghosts of ranks of lower colours, then the nodes of this rank that none
+/// sees, which see no ghosts either, then those that others see.
 template <int b>
 class FactorsOf final : public BlockFactors {
  public:
@@ -63,39 +63,39 @@ class FactorsOf final : public BlockFactors {
   }
 
   void solve(const Values& r, Values& z) override {
+    for (Index i = ghosts_; i < border_; ++i) forward(i, r);
     for (const Border& border : before_) receive_lanes(border, forward_, set);
-    for (Index i = ghosts_; i < border_end_; ++i) forward(i, r);
+    for (Index i = border_; i < end_; ++i) forward(i, r);
     for (Border& border : after_) send_lanes(border, forward_);
     exchange_.finish();  // the others wait for it, and it need not go on its way without this rank's help
-    for (Index i = border_end_; i < ghosts_ + nodes_; ++i) forward(i, r);
     std::fill(z.begin(), z.end(), 0.0F);
-    for (Index i = ghosts_ + nodes_ - 1; i >= border_end_; --i) backward(i, z);
     for (const Border& border : after_) receive_lanes(border, z, add);
-    for (Index i = border_end_ - 1; i >= ghosts_; --i) backward(i, z);
+    for (Index i = end_ - 1; i >= border_; --i) backward(i, z);
     for (Border& border : before_) send_lanes(border, z);
     exchange_.finish();
+    for (Index i = border_ - 1; i >= ghosts_; --i) backward(i, z);
   }
 
   void multiply(const Values& x, Values& y) override {
     for (Border& border : seen_) send_lanes(border, x);
-    for (Index i = ghosts_; i < ghosts_ + nodes_; ++i) multiply_row(i, x, y);
+    for (Index i = ghosts_; i < end_; ++i) multiply_row(i, x, y);
     for (const Border& border : ghosts_of_) receive_lanes(border, ghost_values_, set);
     for (Index row = 0; row < across_.rows(); ++row) {
       Sums sums;
       for (Index t = across_.offsets[row]; t < across_.offsets[row + 1]; ++t)
         sums.add(at(matrix_across_, t, size), at(ghost_values_, across_.values[static_cast<std::size_t>(t)], width));
-      lanes(at(y, ghosts_ + row, width)) += sums.value();
+      lanes(at(y, border_ + row, width)) += sums.value();
     }
     exchange_.finish();
   }
 
   [[nodiscard]] Values zeros() const override { return Values(forward_.size()); }
   void gather(const PetscScalar* from, Values& to) const override {
-    for (Index i = ghosts_; i < ghosts_ + nodes_; ++i)
+    for (Index i = ghosts_; i < end_; ++i)
       for (int c = 0; c < b; ++c) at(to, i, width)[c] = static_cast<float>(from[node_at_[static_cast<std::size_t>(i)] * b + c]);
   }
   void scatter(const Values& from, PetscScalar* to) const override {
-    for (Index i = ghosts_; i < ghosts_ + nodes_; ++i)
+    for (Index i = ghosts_; i < end_; ++i)
       for (int c = 0; c < b; ++c) to[node_at_[static_cast<std::size_t>(i)] * b + c] = static_cast<double>(at(from, i, width)[c]);
   }
   [[nodiscard]] Eigen::Map<Eigen::ArrayXf> owned(Values& values) const override {
@@ -109,6 +109,7 @@ class FactorsOf final : public BlockFactors {
   static constexpr int width = b == 3 ? 4 : b == 6 ? 8 : b;  ///< Of a row and of a node in memory: whole vectors of the processor.
   static constexpr int size = b * width;
   static constexpr Index none = -1;
+  static constexpr double least = 0.05;  ///< Of A_ii, left in D_i. Few pivots are as small, and to damp more costs iterations (a tenth of P1's with 0.2).
   using Block = Eigen::Matrix<double, b, b, Eigen::RowMajor>;
   using Stored = Eigen::Map<Eigen::Matrix<float, b, b, Eigen::RowMajor>, Eigen::Unaligned, Eigen::OuterStride<width>>;
   using Lanes = Eigen::Array<float, width, 1>;
@@ -201,14 +202,15 @@ class FactorsOf final : public BlockFactors {
       numbering.of_turn.push_back(number);
       return static_cast<Index>(node_at_.size()) - 1;
     };
+    append_ghosts(neighbours, colour, numbering, append);
     const auto append_own = [&](char seen) {
       for (Index node = 0; node < nodes_; ++node)
         if (is_seen[static_cast<std::size_t>(node)] == seen) turn_of_[static_cast<std::size_t>(node)] = append(node, first / b + node);
     };
-    append_ghosts(neighbours, colour, numbering, append);
-    append_own(1);
-    border_end_ = static_cast<Index>(node_at_.size());
     append_own(0);
+    border_ = static_cast<Index>(node_at_.size());
+    append_own(1);
+    end_ = static_cast<Index>(node_at_.size());
     for (Index ghost : ghost_of_column_) turn_of_column_.push_back(numbering.turn_of_ghost[static_cast<std::size_t>(ghost)]);
     add_borders(neighbours, colour, numbering);
     return numbering;
@@ -257,7 +259,7 @@ class FactorsOf final : public BlockFactors {
     const Entries entries(parts);
     const Index turns = nodes_ + ghosts_;
     std::vector<Index> seen(static_cast<std::size_t>(turns), none), columns;
-    std::vector<std::vector<Index>> rows_at_border(static_cast<std::size_t>(border_end_));
+    std::vector<std::vector<Index>> of_ghosts(static_cast<std::size_t>(ghosts_)), at_border(static_cast<std::size_t>(end_ - border_));
     const auto find_row = [&](Index i, std::vector<Index>& row) {
       row.clear();
       visit(entries, node_at_[static_cast<std::size_t>(i)], [&](Index j, PetscInt, PetscInt, PetscScalar) {
@@ -266,13 +268,14 @@ class FactorsOf final : public BlockFactors {
       std::sort(row.begin(), row.end());
     };
     lower_.offsets.reserve(static_cast<std::size_t>(turns) + 1);
-    for (Index i = ghosts_; i < border_end_; ++i) find_row(i, rows_at_border[static_cast<std::size_t>(i)]);
-    exchange_patterns(numbering, rows_at_border);
-    for (const std::vector<Index>& row : rows_at_border) lower_.push_row(row);
-    for (Index i = border_end_; i < turns; ++i) {
+    for (Index i = border_; i < end_; ++i) find_row(i, at_border[static_cast<std::size_t>(i - border_)]);
+    exchange_patterns(numbering, at_border, of_ghosts);
+    for (const std::vector<Index>& row : of_ghosts) lower_.push_row(row);
+    for (Index i = ghosts_; i < border_; ++i) {
       find_row(i, columns);
       lower_.push_row(columns);
     }
+    for (const std::vector<Index>& row : at_border) lower_.push_row(row);
     for (Border& border : before_)
       for (std::size_t k = 0; k < border.turns.size(); ++k)
         for (Index& place : border.entries[static_cast<Index>(k)])
@@ -283,7 +286,7 @@ class FactorsOf final : public BlockFactors {
   void find_across(const AijParts& parts, const Numbering& numbering) {
     const Entries entries(parts);
     std::vector<Index> row;
-    for (Index i = ghosts_; i < border_end_; ++i) {
+    for (Index i = border_; i < end_; ++i) {
       row.clear();
       entries.others->visit(node_at_[static_cast<std::size_t>(i)] * b, b, [&](PetscInt, PetscInt column, PetscScalar) {
         row.push_back(ghost_of_column_[static_cast<std::size_t>(column)]);
@@ -310,13 +313,15 @@ class FactorsOf final : public BlockFactors {
 
   /// Sends the rows at the border to later ranks (of each its size, and the numbers of its columns at the border) and takes those of ghosts,
   /// the columns that are ghosts here.
-  void exchange_patterns(const Numbering& numbering, std::vector<std::vector<Index>>& rows) {
+  void exchange_patterns(const Numbering& numbering, const std::vector<std::vector<Index>>& at_border,
+                         std::vector<std::vector<Index>>& of_ghosts) {
     std::vector<std::vector<PetscInt>> messages(after_.size());
     for (std::size_t k = 0; k < after_.size(); ++k) {
       for (Index turn : after_[k].turns) {
-        const std::vector<Index>& row = rows[static_cast<std::size_t>(turn)];
-        messages[k].push_back(static_cast<PetscInt>(row.size()));
-        for (Index j : row) messages[k].push_back(numbering.of_turn[static_cast<std::size_t>(j)]);
+        const std::vector<Index>& row = at_border[static_cast<std::size_t>(turn - border_)];
+        messages[k].push_back(static_cast<PetscInt>(std::count_if(row.begin(), row.end(), [&](Index j) { return is_told(j); })));
+        for (Index j : row)
+          if (is_told(j)) messages[k].push_back(numbering.of_turn[static_cast<std::size_t>(j)]);
       }
       exchange_.send(after_[k].rank, messages[k]);
     }
@@ -325,7 +330,7 @@ class FactorsOf final : public BlockFactors {
       exchange_.receive(border.rank, message);
       auto next = message.begin();
       for (Index turn : border.turns) {
-        std::vector<Index>& row = rows[static_cast<std::size_t>(turn)];
+        std::vector<Index>& row = of_ghosts[static_cast<std::size_t>(turn)];
         std::vector<Index> places;
         for (PetscInt n = *next++; n > 0; --n) {
           const Index j = numbering.turn_of(*next++);
@@ -337,6 +342,9 @@ class FactorsOf final : public BlockFactors {
     }
     exchange_.finish();
   }
+
+  /// Whether others may have column j of L: none sees the nodes within.
+  [[nodiscard]] bool is_told(Index j) const { return j < ghosts_ || j >= border_; }
 
   /// D_j^{-1} and what is told of row j of L, for the ghosts of a rank.
   void receive_rows(Border& border) {
@@ -357,7 +365,8 @@ class FactorsOf final : public BlockFactors {
     const auto tell = [&](const float* block) { border.buffer.insert(border.buffer.end(), block, block + size); };
     for (Index turn : border.turns) {
       tell(at(inverse_, turn, size));
-      for (Index place = lower_.offsets[turn]; place < lower_.offsets[turn + 1]; ++place) tell(at(values_, place, size));
+      for (Index place = lower_.offsets[turn]; place < lower_.offsets[turn + 1]; ++place)
+        if (is_told(lower_.values[static_cast<std::size_t>(place)])) tell(at(values_, place, size));
     }
     exchange_.send(border.rank, border.buffer);
   }
@@ -382,11 +391,11 @@ class FactorsOf final : public BlockFactors {
     const Entries entries(parts);
     damped_ = 0;
     bool is_finite = true;
+    for (Index i = ghosts_; i < border_; ++i) is_finite = factorise_row(entries, i) && is_finite;
     for (Border& border : before_) receive_rows(border);
-    for (Index i = ghosts_; i < border_end_; ++i) is_finite = factorise_row(entries, i) && is_finite;
+    for (Index i = border_; i < end_; ++i) is_finite = factorise_row(entries, i) && is_finite;
     for (Border& border : after_) send_rows(border);
     exchange_.finish();
-    for (Index i = border_end_; i < ghosts_ + nodes_; ++i) is_finite = factorise_row(entries, i) && is_finite;
     return is_finite;
   }
 
@@ -416,7 +425,7 @@ class FactorsOf final : public BlockFactors {
       Stored(at(values_, first + static_cast<Index>(s), size)) = l.template cast<float>();
     }
     for (const Index j : lower) slot_[static_cast<std::size_t>(j)] = none;
-    return invert(diagonal, d, safe(i), at(inverse_, i, size));
+    return invert(diagonal, d, at(inverse_, i, size));
   }
 
   /// Row i of the matrix: of its own nodes from `row_`, of ghosts from `entries`.
@@ -424,8 +433,8 @@ class FactorsOf final : public BlockFactors {
     Stored(at(diagonal_, i, size)) = diagonal.template cast<float>();
     for (std::size_t s = 0; s < row_.size(); ++s)
       Stored(at(matrix_, lower_.offsets[i] + static_cast<Index>(s), size)) = row_[s].template cast<float>();
-    if (i >= border_end_) return;
-    const Index first = across_.offsets[i - ghosts_], last = across_.offsets[i - ghosts_ + 1];
+    if (i < border_) return;
+    const Index first = across_.offsets[i - border_], last = across_.offsets[i - border_ + 1];
     const auto columns = across_.values.begin();
     entries.others->visit(node_at_[static_cast<std::size_t>(i)] * b, b, [&](PetscInt row, PetscInt column, PetscScalar value) {
       const auto place = std::lower_bound(columns + first, columns + last, ghost_of_column_[static_cast<std::size_t>(column)]) - columns;
@@ -433,15 +442,10 @@ class FactorsOf final : public BlockFactors {
     });
   }
 
-  /// How much of A_ii must be left in D_i. Few pivots within are as small as this, and to damp more costs iterations (a tenth of P1's with 0.2).
-  /// At borders, which come first, less than 0.3 leaves single eigenvalues of A M^{-1} of 6 on tetrahedra where faces stick: Chebyshev's
-  /// estimate misses them, and two to three ranks took half as many iterations again.
-  [[nodiscard]] double safe(Index i) const { return i < border_end_ ? 0.3 : 0.05; }
-
   /// The inverse of D_i, where that is at least `least` A_ii in all directions; else of A_ii - omega (A_ii - D_i) with the largest omega for
   /// which this holds. Where A_ii is singular that of its diagonal, with 0 for empty rows: an aggregate with too few nodes for its modes leaves
   /// such behind, and nothing is restricted to them.
-  bool invert(const Block& diagonal, const Block& d, double least, float* inverse) {
+  bool invert(const Block& diagonal, const Block& d, float* inverse) {
     if (!d.allFinite()) return false;
     Block result;
     if (Eigen::LLT<Block>(diagonal).info() != Eigen::Success) {
@@ -500,7 +504,7 @@ class FactorsOf final : public BlockFactors {
     return y;
   }
 
-  Index nodes_ = 0, border_end_ = 0, ghosts_ = 0, damped_ = 0;
+  Index nodes_ = 0, ghosts_ = 0, border_ = 0, end_ = 0, damped_ = 0;
   bool updates_ = true;  ///< Whether rows above change those below.
   std::vector<Index> node_at_, turn_of_;  ///< Node by its turn, `none` for ghosts; and back.
   std::vector<Index> turn_of_column_;     ///< Of the matrix of others; `none` for ghosts of later ranks.

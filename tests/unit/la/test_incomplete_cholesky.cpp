@@ -65,16 +65,18 @@ la::Handle<Mat> grid(PetscInt block, double held) {
   return matrix;
 }
 
-/// Each rank has a chain and one node that it shares with the ranks before and after it; ranks of odd numbers, the second colour, tie that
-/// to their chain. Up to three ranks eliminate this without fill. Held so much that no diagonal block is damped.
+/// Each rank has a chain, and behind it two nodes that it shares with the ranks before and after it, all four tied to one another. Up to three
+/// ranks eliminate this without fill. Held so much that no diagonal block is damped.
 la::Handle<Mat> chains(PetscInt block) {
-  const PetscInt nodes = 7, ranks = mpi::size(PETSC_COMM_WORLD), rank = mpi::rank(PETSC_COMM_WORLD), first = rank * nodes;
-  const PetscInt shared = first + nodes - 1;
+  const PetscInt nodes = 8, ranks = mpi::size(PETSC_COMM_WORLD), rank = mpi::rank(PETSC_COMM_WORLD), first = rank * nodes;
+  const PetscInt next = first + nodes;
   la::Handle<Mat> matrix = matrix_of(nodes, block, nodes * block);
-  for (PetscInt i = first; i <= shared; ++i) hold(matrix, block, i, 30);
-  for (PetscInt i = first; i + 1 < shared; ++i) add_spring(matrix, block, i, i + 1, 1.0 + static_cast<double>(i));
-  if (rank % 2 == 1) add_spring(matrix, block, first, shared, 2);
-  if (rank + 1 < ranks) add_spring(matrix, block, shared, shared + nodes, 3);
+  for (PetscInt i = first; i < next; ++i) hold(matrix, block, i, 30);
+  for (PetscInt i = first; i + 1 < next; ++i) add_spring(matrix, block, i, i + 1, 1.0 + static_cast<double>(i));
+  if (rank + 1 < ranks) {
+    for (PetscInt i = next - 2; i < next; ++i)
+      for (PetscInt j = next + nodes - 2; j < next + nodes; ++j) add_spring(matrix, block, i, j, 3.0 + static_cast<double>(j - i));
+  }
   assemble(matrix);
   return matrix;
 }
