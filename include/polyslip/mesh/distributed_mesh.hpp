@@ -27,7 +27,7 @@ struct Numbering {
 struct FlowEntities {
   std::vector<std::array<Index, 2>> face_traces;  ///< Trace that face_cells[f][0] and [1] see (equal off Gamma), -1 where that cell
                                                   ///< is not here or does not exist; one pair a local face.
-  Numbering traces;                      ///< A trace belongs to the lowest rank that owns a cell which sees it.
+  Numbering traces;                      ///< A trace belongs to a rank that owns a cell which sees it (Sharers in cut.hpp).
   std::vector<Index> trace_face;         ///< Local face of each local trace.
   std::vector<GlobalIndex> trace_input;  ///< Number of each local trace in the serial mesh: independent of the rank count.
 
@@ -56,7 +56,7 @@ struct DistributedMesh {
   std::vector<char> face_is_boundary;  ///< 1 on faces on the boundary of the whole domain, one a local face.
 
   Numbering cells;
-  Numbering copies;                 ///< A copy belongs to the lowest rank that owns a cell which sees it.
+  Numbering copies;                 ///< A copy belongs to a rank that owns a cell which sees it (Sharers in cut.hpp).
   Numbering fractures;              ///< Fracture faces with both sides here; a face belongs to the rank that owns its + cell.
   std::vector<Index> fracture_faces;  ///< Local face of each local fracture face, in the order of `fractures`.
   FlowEntities flow;                ///< Only where PartitionOptions::flow asks for it.
