@@ -7,6 +7,7 @@
 #include <array>
 #include <limits>
 #include <memory>
+#include <numeric>
 #include <optional>
 #include <span>
 #include <utility>
@@ -45,6 +46,7 @@ class FactorsOf final : public BlockFactors {
     const auto turns = static_cast<std::size_t>(nodes_ + ghosts_);
     values_.resize(lower_.values.size() * size);
     inverse_.resize(turns * size);
+    is_damped_.resize(turns, 0);
     forward_.resize(turns * width);
     slot_.assign(turns, none);
     if (keeps_matrix) {
@@ -55,12 +57,11 @@ class FactorsOf final : public BlockFactors {
   }
 
   bool factorise(Mat matrix) override {
-    for (bool updates : {true, false}) {
-      updates_ = updates;
-      if (!mpi::any(comm_of(matrix), !factorise_once(matrix))) return true;
-    }
-    return false;
+    std::vector<Index> turns(static_cast<std::size_t>(nodes_));
+    std::iota(turns.begin(), turns.end(), ghosts_);
+    return factorise_rows(matrix, turns);
   }
+  bool update(Mat matrix, const std::vector<PetscInt>& rows) override { return factorise_rows(matrix, turns_near(matrix, rows)); }
 
   void solve(const Values& r, Values& z) override {
     for (Index i = ghosts_; i < border_; ++i) forward(i, r);
@@ -103,7 +104,7 @@ class FactorsOf final : public BlockFactors {
   }
 
   [[nodiscard]] int block() const override { return b; }
-  [[nodiscard]] Index damped() const override { return damped_; }
+  [[nodiscard]] Index damped() const override { return static_cast<Index>(std::count(is_damped_.begin(), is_damped_.end(), 1)); }
 
  private:
   static constexpr int width = b == 3 ? 4 : b == 6 ? 8 : b;  ///< Of a row and of a node in memory: whole vectors of the processor.
@@ -385,15 +386,40 @@ class FactorsOf final : public BlockFactors {
     for (std::size_t k = 0; k < border.turns.size(); ++k) take(lanes(at(values, border.turns[k], width)), lanes(at(buffer_, k, width)));
   }
 
+  /// Nodes of some rows of the matrix, those below that have them in their rows of L, those that have these, and all at the border. One step
+  /// down is needed (without it, half as many iterations again, or divergence), and two as good as all.
+  [[nodiscard]] std::vector<Index> turns_near(Mat matrix, const std::vector<PetscInt>& rows) const {
+    constexpr Index reach = 2;
+    PetscInt first = 0;
+    POLYSLIP_PETSC(MatGetOwnershipRange(matrix, &first, nullptr));
+    std::vector<Index> steps(static_cast<std::size_t>(end_), reach + 1), turns;
+    for (const PetscInt row : rows) steps[static_cast<std::size_t>(turn_of_[static_cast<std::size_t>((row - first) / b)])] = 0;
+    for (Index i = ghosts_; i < end_; ++i) {
+      Index& mine = steps[static_cast<std::size_t>(i)];
+      for (const Index j : lower_[i]) mine = std::min(mine, steps[static_cast<std::size_t>(j)] + 1);
+      if (mine <= reach || i >= border_) turns.push_back(i);
+    }
+    return turns;
+  }
+
+  /// Ascending turns. False, on all ranks, where an entry is not finite.
+  bool factorise_rows(Mat matrix, const std::vector<Index>& turns) {
+    for (bool updates : {true, false}) {
+      updates_ = updates;
+      if (!mpi::any(comm_of(matrix), !factorise_once(matrix, turns))) return true;
+    }
+    return false;
+  }
+
   /// False where an entry is not finite, on this rank.
-  bool factorise_once(Mat matrix) {
+  bool factorise_once(Mat matrix, const std::vector<Index>& turns) {
     const AijParts parts(matrix);
     const Entries entries(parts);
-    damped_ = 0;
     bool is_finite = true;
-    for (Index i = ghosts_; i < border_; ++i) is_finite = factorise_row(entries, i) && is_finite;
+    auto turn = turns.begin();
+    for (; turn != turns.end() && *turn < border_; ++turn) is_finite = factorise_row(entries, *turn) && is_finite;
     for (Border& border : before_) receive_rows(border);
-    for (Index i = border_; i < end_; ++i) is_finite = factorise_row(entries, i) && is_finite;
+    for (; turn != turns.end(); ++turn) is_finite = factorise_row(entries, *turn) && is_finite;
     for (Border& border : after_) send_rows(border);
     exchange_.finish();
     return is_finite;
@@ -425,7 +451,7 @@ class FactorsOf final : public BlockFactors {
       Stored(at(values_, first + static_cast<Index>(s), size)) = l.template cast<float>();
     }
     for (const Index j : lower) slot_[static_cast<std::size_t>(j)] = none;
-    return invert(diagonal, d, at(inverse_, i, size));
+    return invert(diagonal, d, i);
   }
 
   /// Row i of the matrix: of its own nodes from `row_`, of ghosts from `entries`.
@@ -445,21 +471,21 @@ class FactorsOf final : public BlockFactors {
   /// The inverse of D_i, where that is at least `least` A_ii in all directions; else of A_ii - omega (A_ii - D_i) with the largest omega for
   /// which this holds. Where A_ii is singular that of its diagonal, with 0 for empty rows: an aggregate with too few nodes for its modes leaves
   /// such behind, and nothing is restricted to them.
-  bool invert(const Block& diagonal, const Block& d, float* inverse) {
+  bool invert(const Block& diagonal, const Block& d, Index i) {
     if (!d.allFinite()) return false;
     Block result;
+    char& is_damped = is_damped_[static_cast<std::size_t>(i)] = 1;
     if (Eigen::LLT<Block>(diagonal).info() != Eigen::Success) {
       result = diagonal.diagonal().unaryExpr([](double a) { return a > 0 ? 1 / a : 0; }).asDiagonal();
-      ++damped_;
     } else if (Eigen::LLT<Block>(d - least * diagonal).info() == Eigen::Success) {
       result = d.llt().solve(Block::Identity());
+      is_damped = 0;
     } else {
       Block left = d, right = diagonal;
       const double omega = (1 - least) / (1 - smallest_eigenvalue(b, left.data(), right.data()));
       result = (diagonal - omega * (diagonal - d)).llt().solve(Block::Identity());
-      ++damped_;
     }
-    Stored{inverse} = result.template cast<float>();
+    Stored(at(inverse_, i, size)) = result.template cast<float>();
     return true;
   }
 
@@ -504,12 +530,13 @@ class FactorsOf final : public BlockFactors {
     return y;
   }
 
-  Index nodes_ = 0, ghosts_ = 0, border_ = 0, end_ = 0, damped_ = 0;
+  Index nodes_ = 0, ghosts_ = 0, border_ = 0, end_ = 0;
   bool updates_ = true;  ///< Whether rows above change those below.
   std::vector<Index> node_at_, turn_of_;  ///< Node by its turn, `none` for ghosts; and back.
   std::vector<Index> turn_of_column_;     ///< Of the matrix of others; `none` for ghosts of later ranks.
   Csr lower_;                             ///< Columns of L by turns.
   std::vector<float> values_, inverse_;   ///< L_ij; D_i^{-1}
+  std::vector<char> is_damped_;           ///< Whether omega_i < 1.
   Exchange exchange_;
   std::vector<Border> before_, after_;  ///< Ranks that are eliminated before and after this one.
   // Of the matrix, where it is kept.

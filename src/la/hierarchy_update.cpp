@@ -76,17 +76,6 @@ PetscInt levels_of(PC hierarchy) {
   return levels;
 }
 
-/// The smoothers of the coarsest levels. A Chebyshev smoother would take over a matrix that has changed in place with the
-/// eigenvalues of the old one, unless it is told. Old ones on the finest level alone, where open faces come to stick, cost four times the
-/// iterations (tets of poromechanics_3d).
-void set_up_smoothers(PC hierarchy, PetscInt levels) {
-  for (PetscInt level = 0; level < levels; ++level) {
-    const auto [smoother, matrix] = level_of(hierarchy, level);
-    POLYSLIP_PETSC(KSPSetOperators(smoother, matrix, matrix));
-    POLYSLIP_PETSC(KSPSetUp(smoother));
-  }
-}
-
 }  // namespace
 
 void complete_hierarchy(PC pc) {
@@ -97,8 +86,12 @@ void complete_hierarchy(PC pc) {
   });
   if (!HierarchyUpdate::can_update(pc)) return;
   const PetscInt coarse = levels_of(pc) - 1;
-  for (PetscInt level = 0; level < coarse; ++level) fill_empty_rows_of(level_of(pc, level).second);
-  set_up_smoothers(pc, coarse);
+  for (PetscInt level = 0; level < coarse; ++level) {
+    const auto [smoother, matrix] = level_of(pc, level);
+    fill_empty_rows_of(matrix);
+    POLYSLIP_PETSC(KSPSetOperators(smoother, matrix, matrix));
+    POLYSLIP_PETSC(KSPSetUp(smoother));
+  }
   take_residuals_from_smoothers(pc);
 }
 
@@ -185,7 +178,13 @@ void HierarchyUpdate::apply(PC pc) {
     POLYSLIP_PETSC(MatAXPY(operator_matrix, 1.0, coarse, SUBSET_NONZERO_PATTERN));
     change = coarse;
   }
-  set_up_smoothers(pc, levels);
+  // Smoothers with the eigenvalues of the old matrix on the finest level alone, where open faces come to stick, cost four times the iterations
+  // (tets of poromechanics_3d).
+  for (PetscInt level = 0; level < levels; ++level) {
+    const bool is_finest = level == levels - 1;
+    const auto [smoother, matrix] = level_of(pc, level);
+    set_up_for_changed_rows(smoother, matrix, is_finest ? rows_ : coarse_rows_[static_cast<std::size_t>(levels - 2 - level)].rows);
+  }
 }
 
 }  // namespace polyslip::la

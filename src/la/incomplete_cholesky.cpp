@@ -26,6 +26,7 @@ struct Data {
   std::array<PetscReal, 2> interval{0.3, 1.1};
   PetscMPIInt tag = 0;
   std::unique_ptr<BlockFactors> factors;
+  const std::vector<PetscInt>* changed = nullptr;  ///< During a set-up: rows that differ from those that were factorised in full, if known.
   double largest_eigenvalue = 0;
   Values b, x, change, r, z;  ///< Work space.
 };
@@ -135,12 +136,13 @@ PetscErrorCode set_up(PC pc) {
   PetscCall(PetscObjectTypeCompareAny(reinterpret_cast<PetscObject>(pc->pmat), &is_aij, MATSEQAIJ, MATMPIAIJ, ""));
   PetscCheck(is_aij, comm_of(pc), PETSC_ERR_SUP, "block_icc takes matrices of type aij");
   if (data.tag == 0) PetscCall(PetscObjectGetNewTag(reinterpret_cast<PetscObject>(pc), &data.tag));
-  if (pc->setupcalled == 0 || pc->flag == DIFFERENT_NONZERO_PATTERN) {
+  const bool is_new = pc->setupcalled == 0 || pc->flag == DIFFERENT_NONZERO_PATTERN;
+  if (is_new) {
     PetscCallCXX(data.factors = block_factors(pc->pmat, data.tag, data.steps > 0));
     for (Values* values : {&data.b, &data.x, &data.change, &data.r, &data.z}) *values = data.factors->zeros();
   }
   bool is_finite = false;
-  PetscCallCXX(is_finite = data.factors->factorise(pc->pmat));
+  PetscCallCXX(is_finite = data.changed != nullptr && !is_new ? data.factors->update(pc->pmat, *data.changed) : data.factors->factorise(pc->pmat));
   if (is_finite && data.steps > 0) {
     PetscCallCXX(data.largest_eigenvalue = estimate_largest_eigenvalue(data, pc->pmat));
     if (data.largest_eigenvalue == 0) data.largest_eigenvalue = 1;  // no rows, or empty ones
@@ -252,6 +254,17 @@ PetscErrorCode forget_preconditioner(Mat shell) {
 }  // namespace
 
 double largest_eigenvalue(PC pc) { return data_of(pc).largest_eigenvalue; }
+
+void set_up_for_changed_rows(KSP ksp, Mat matrix, const std::vector<PetscInt>& rows) {
+  PC pc = nullptr;
+  PetscBool is_block_icc = PETSC_FALSE;
+  POLYSLIP_PETSC(KSPGetPC(ksp, &pc));
+  POLYSLIP_PETSC(PetscObjectTypeCompare(reinterpret_cast<PetscObject>(pc), block_icc, &is_block_icc));
+  POLYSLIP_PETSC(KSPSetOperators(ksp, matrix, matrix));
+  if (is_block_icc) data_of(pc).changed = &rows;
+  POLYSLIP_PETSC(KSPSetUp(ksp));
+  if (is_block_icc) data_of(pc).changed = nullptr;
+}
 
 void take_residuals_from_smoothers(PC hierarchy) {
   PetscInt levels = 0;

@@ -10,12 +10,18 @@
 // by rounding is less than a hundred-thousandth of that.
 #pragma once
 
+#include <vector>
+
 #include "polyslip/la/handle.hpp"
 
 namespace polyslip::la {
 
 /// -pc_type block_icc
 inline constexpr const char* block_icc = "block_icc";
+
+/// Sets a solver up for a matrix that differs from that of its last full set-up in these rows (of this rank, global numbers) and the same
+/// columns alone: block_icc then factorises no more than what is near them.
+void set_up_for_changed_rows(KSP ksp, Mat matrix, const std::vector<PetscInt>& rows);
 
 /// Lets smoothers that iterate with block_icc make the residuals for the coarser level of a PCMG, too: in single precision.
 void take_residuals_from_smoothers(PC hierarchy);

@@ -269,6 +269,68 @@ TEST_P(block_icc_of_nodes, estimates_1_where_the_factors_are_exact) {
   EXPECT_NEAR(la::largest_eigenvalue(pc), 1, 1e-5) << "rounding must not be taken for eigenvectors";
 }
 
+/// A solver that applies the factors alone, set up.
+la::Handle<KSP> factors_of(Mat matrix) {
+  POLYSLIP_PETSC(la::register_block_icc());
+  la::Handle<KSP> ksp;
+  PC pc = nullptr;
+  POLYSLIP_PETSC(KSPCreate(PETSC_COMM_WORLD, ksp.put()));
+  POLYSLIP_PETSC(KSPSetType(ksp, KSPPREONLY));
+  POLYSLIP_PETSC(KSPGetPC(ksp, &pc));
+  POLYSLIP_PETSC(PCSetType(pc, la::block_icc));
+  POLYSLIP_PETSC(KSPSetOperators(ksp, matrix, matrix));
+  POLYSLIP_PETSC(KSPSetUp(ksp));
+  return ksp;
+}
+
+la::Handle<Vec> solved(KSP ksp, Vec b) {
+  la::Handle<Vec> x;
+  POLYSLIP_PETSC(VecDuplicate(b, x.put()));
+  POLYSLIP_PETSC(KSPSolve(ksp, b, x));
+  return x;
+}
+
+/// Holds one node of each rank by that much more, and returns its rows.
+std::vector<PetscInt> hold_more(Mat matrix, PetscInt block, PetscInt node, double stiffness) {
+  PetscInt begin = 0;
+  std::vector<PetscInt> rows;
+  POLYSLIP_PETSC(MatGetOwnershipRange(matrix, &begin, nullptr));
+  hold(matrix, block, begin / block + node, stiffness);
+  assemble(matrix);
+  for (PetscInt c = 0; c < block; ++c) rows.push_back(begin + node * block + c);
+  return rows;
+}
+
+TEST_P(block_icc_of_nodes, follows_changed_rows_and_two_steps_below_them_as_if_all_were_factorised_anew) {
+  const la::Handle<Mat> matrix = chains(GetParam());
+  const la::Handle<KSP> updated = factors_of(matrix);
+  const la::Handle<Vec> b = noise(matrix, 0);
+  const PetscInt node = mpi::size(PETSC_COMM_WORLD) == 1 ? 5 : 3;  // 6 and 7 follow, or 4 and 5 and the border
+  la::set_up_for_changed_rows(updated, matrix, hold_more(matrix, GetParam(), node, 7));
+  EXPECT_EQ(difference(solved(updated, b), solved(factors_of(matrix), b)), 0);
+}
+
+TEST_P(block_icc_of_nodes, keeps_what_was_factorised_in_full_but_for_the_rows_that_it_is_told_of) {
+  const la::Handle<Mat> matrix = grid(GetParam(), 1e-3);
+  const la::Handle<KSP> twice = factors_of(matrix), once = factors_of(matrix);
+  const la::Handle<Vec> b = noise(matrix, 0), before = solved(once, b);
+  const PetscInt node = 6 * 6 * 2;  // in the middle of its rank
+  const std::vector<PetscInt> rows = hold_more(matrix, GetParam(), node, 7);
+  la::set_up_for_changed_rows(once, matrix, {});
+  EXPECT_EQ(difference(solved(once, b), before), 0);
+
+  la::set_up_for_changed_rows(twice, matrix, rows);
+  (void)hold_more(matrix, GetParam(), node, 1);
+  for (KSP ksp : {twice.get(), once.get()}) la::set_up_for_changed_rows(ksp, matrix, rows);
+  const la::Handle<Vec> after = solved(once, b);
+  EXPECT_EQ(difference(solved(twice, b), after), 0);
+  EXPECT_GT(difference(after, before), 1e-4);
+  (void)hold_more(matrix, GetParam(), 0, 1);
+  POLYSLIP_PETSC(KSPSetOperators(once, matrix, matrix));
+  POLYSLIP_PETSC(KSPSetUp(once));
+  EXPECT_EQ(difference(solved(once, b), solved(factors_of(matrix), b)), 0) << "a set-up that is told of nothing takes all rows";
+}
+
 TEST(block_icc, stays_positive_where_the_factorisation_does_not_and_leaves_empty_rows_alone) {
   const la::Handle<Mat> matrix = kershaw();
   const la::Handle<PC> pc = preconditioner(matrix, la::block_icc);
