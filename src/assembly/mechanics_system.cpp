@@ -557,7 +557,7 @@ std::vector<PetscInt> MechanicsSystem::changing_rows() const {
   std::vector<PetscInt> rows;
   for (Index p = 0; p < cells_.size(); ++p)
     for (Index i : cells_.displacements(p))
-      if (i < layout_.displacement_size()) rows.push_back(layout_.global(i));
+      if (i < layout_.displacement_size()) rows.push_back(i);
   std::sort(rows.begin(), rows.end());
   rows.erase(std::unique(rows.begin(), rows.end()), rows.end());
   return rows;

@@ -61,7 +61,7 @@ class FactorsOf final : public BlockFactors {
     std::iota(turns.begin(), turns.end(), ghosts_);
     return factorise_rows(matrix, turns);
   }
-  bool update(Mat matrix, const std::vector<PetscInt>& rows) override { return factorise_rows(matrix, turns_near(matrix, rows)); }
+  bool update(Mat matrix, const std::vector<PetscInt>& rows) override { return factorise_rows(matrix, turns_near(rows)); }
 
   void solve(const Values& r, Values& z) override {
     for (Index i = ghosts_; i < border_; ++i) forward(i, r);
@@ -388,12 +388,10 @@ class FactorsOf final : public BlockFactors {
 
   /// Nodes of some rows of the matrix, those below that have them in their rows of L, those that have these, and all at the border. One step
   /// down is needed (without it, half as many iterations again, or divergence), and two as good as all.
-  [[nodiscard]] std::vector<Index> turns_near(Mat matrix, const std::vector<PetscInt>& rows) const {
+  [[nodiscard]] std::vector<Index> turns_near(const std::vector<PetscInt>& rows) const {
     constexpr Index reach = 2;
-    PetscInt first = 0;
-    POLYSLIP_PETSC(MatGetOwnershipRange(matrix, &first, nullptr));
     std::vector<Index> steps(static_cast<std::size_t>(end_), reach + 1), turns;
-    for (const PetscInt row : rows) steps[static_cast<std::size_t>(turn_of_[static_cast<std::size_t>((row - first) / b)])] = 0;
+    for (const PetscInt row : rows) steps[static_cast<std::size_t>(turn_of_[static_cast<std::size_t>(row / b)])] = 0;
     for (Index i = ghosts_; i < end_; ++i) {
       Index& mine = steps[static_cast<std::size_t>(i)];
       for (const Index j : lower_[i]) mine = std::min(mine, steps[static_cast<std::size_t>(j)] + 1);

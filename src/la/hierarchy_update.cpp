@@ -1,8 +1,14 @@
 #include "polyslip/la/hierarchy_update.hpp"
 
+#include <petsc/private/petscimpl.h>  // PetscObjectStateIncrease
+
 #include <algorithm>
+#include <functional>
+#include <optional>
+#include <stdexcept>
 #include <utility>
 
+#include "polyslip/la/aij_parts.hpp"
 #include "polyslip/la/field_split.hpp"
 #include "polyslip/la/galerkin_product.hpp"
 #include "polyslip/la/incomplete_cholesky.hpp"
@@ -18,31 +24,44 @@ Handle<Mat> rows_of(Mat like, const std::vector<PetscInt>& rows) {
   POLYSLIP_PETSC(MatGetOwnershipRange(like, &begin, &end));
   POLYSLIP_PETSC(MatGetOwnershipRangeColumn(like, &first_column, &end_column));
   POLYSLIP_PETSC(MatGetSize(like, &rows_total, &columns_total));
-  std::vector<PetscInt> diagonal(static_cast<std::size_t>(end - begin), 0), off_diagonal(diagonal.size(), 0);
-  for (PetscInt row : rows) {
-    PetscInt n = 0;
-    const PetscInt* columns = nullptr;
-    POLYSLIP_PETSC(MatGetRow(like, row, &n, &columns, nullptr));
-    for (PetscInt k = 0; k < n; ++k) ++(columns[k] >= first_column && columns[k] < end_column ? diagonal : off_diagonal)[row - begin];
-    POLYSLIP_PETSC(MatRestoreRow(like, row, &n, &columns, nullptr));
-  }
+  const AijParts parts(like);
+  std::vector<PetscInt> own(static_cast<std::size_t>(end - begin), 0), others(own.size(), 0), columns;
+  const auto for_each_part = [&](auto&& visit) {
+    visit(parts.own, own, [&](PetscInt column) { return first_column + column; });
+    if (parts.others != nullptr) visit(parts.others, others, [&](PetscInt column) { return parts.global[column]; });
+  };
+  for_each_part([&](Mat part, std::vector<PetscInt>& sizes, auto&&) {
+    const AijRows entries(part);
+    for (const PetscInt row : rows) sizes[static_cast<std::size_t>(row)] = entries.offsets()[row + 1] - entries.offsets()[row];
+  });
   Handle<Mat> matrix;
-  POLYSLIP_PETSC(MatCreateAIJ(comm_of(like), end - begin, end_column - first_column, rows_total, columns_total, 0, diagonal.data(), 0,
-                              off_diagonal.data(), matrix.put()));
+  POLYSLIP_PETSC(MatCreateAIJ(comm_of(like), end - begin, end_column - first_column, rows_total, columns_total, 0, own.data(), 0, others.data(),
+                              matrix.put()));
+  for_each_part([&](Mat part, std::vector<PetscInt>&, auto&& global) {
+    const AijRows entries(part);
+    for (const PetscInt row : rows) {
+      columns.clear();
+      entries.visit(row, 1, [&](PetscInt, PetscInt column, PetscScalar) { columns.push_back(global(column)); });
+      const PetscInt its_number = begin + row;
+      const std::vector<PetscScalar> zeros(columns.size(), 0);
+      POLYSLIP_PETSC(MatSetValues(matrix, 1, &its_number, static_cast<PetscInt>(columns.size()), columns.data(), zeros.data(), INSERT_VALUES));
+    }
+  });
+  POLYSLIP_PETSC(MatAssemblyBegin(matrix, MAT_FINAL_ASSEMBLY));
+  POLYSLIP_PETSC(MatAssemblyEnd(matrix, MAT_FINAL_ASSEMBLY));
   return matrix;
 }
 
 /// Rows of this rank that have entries.
 std::vector<PetscInt> filled_rows(Mat matrix) {
   std::vector<PetscInt> rows;
-  PetscInt begin = 0, end = 0;
-  POLYSLIP_PETSC(MatGetOwnershipRange(matrix, &begin, &end));
-  for (PetscInt row = begin; row < end; ++row) {
-    PetscInt n = 0;
-    POLYSLIP_PETSC(MatGetRow(matrix, row, &n, nullptr, nullptr));
-    if (n > 0) rows.push_back(row);
-    POLYSLIP_PETSC(MatRestoreRow(matrix, row, &n, nullptr, nullptr));
-  }
+  const AijParts parts(matrix);
+  const AijRows own(parts.own);
+  std::optional<AijRows> others;
+  if (parts.others != nullptr) others.emplace(parts.others);
+  const auto is_filled = [](const AijRows& entries, PetscInt row) { return entries.offsets()[row + 1] > entries.offsets()[row]; };
+  for (PetscInt row = 0; row < own.rows(); ++row)
+    if (is_filled(own, row) || (others && is_filled(*others, row))) rows.push_back(row);
   return rows;
 }
 
@@ -95,7 +114,7 @@ void complete_hierarchy(PC pc) {
   take_residuals_from_smoothers(pc);
 }
 
-HierarchyUpdate::HierarchyUpdate(Mat fine, std::vector<PetscInt> rows) : fine_(fine), rows_(std::move(rows)), change_(rows_of(fine, rows_)) {
+HierarchyUpdate::HierarchyUpdate(Mat fine, const std::vector<PetscInt>& rows) : fine_(fine), change_(rows_of(fine, rows)), fine_rows_(fine, rows) {
   form_galerkin_products_by_blocks(change_);
 }
 
@@ -106,76 +125,78 @@ bool HierarchyUpdate::can_update(PC pc) {
   return levels_of(pc) > 1;
 }
 
-void HierarchyUpdate::is_set_up() {
-  fine_rows_ = {};
-  coarse_changes_.clear();
-  coarse_rows_.clear();
-  for (PetscInt row : rows_) fine_rows_.keep(fine_, row);
+HierarchyUpdate::Rows::Rows(Mat matrix, std::vector<PetscInt> rows) : rows_(std::move(rows)) {
+  const AijParts parts(matrix);
+  const auto keep = [&](Mat part, std::vector<PetscScalar>& values) {
+    const AijRows entries(part);
+    for (const PetscInt row : rows_)
+      values.insert(values.end(), entries.values() + entries.offsets()[row], entries.values() + entries.offsets()[row + 1]);
+  };
+  keep(parts.own, own_);
+  if (parts.others != nullptr) keep(parts.others, others_);
 }
 
-void HierarchyUpdate::write_change() {
-  std::vector<PetscScalar> difference;
-  auto before = fine_rows_.values.begin();
-  for (PetscInt row : rows_) {
-    PetscInt n = 0;
-    const PetscInt* columns = nullptr;
-    const PetscScalar* values = nullptr;
-    POLYSLIP_PETSC(MatGetRow(fine_, row, &n, &columns, &values));
-    difference.assign(values, values + n);
-    for (PetscScalar& value : difference) value -= *before++;
-    POLYSLIP_PETSC(MatSetValues(change_, 1, &row, n, columns, difference.data(), INSERT_VALUES));
-    POLYSLIP_PETSC(MatRestoreRow(fine_, row, &n, &columns, &values));
-  }
-  POLYSLIP_PETSC(MatAssemblyBegin(change_, MAT_FINAL_ASSEMBLY));
-  POLYSLIP_PETSC(MatAssemblyEnd(change_, MAT_FINAL_ASSEMBLY));
+void HierarchyUpdate::Rows::subtract_from(Mat matrix, Mat difference) const {
+  const AijParts now(matrix), parts(difference);
+  const auto subtract = [&](Mat part, Mat its_difference, const std::vector<PetscScalar>& before) {
+    const AijRows entries(part), places(its_difference);
+    const AijValues values(its_difference);
+    auto old = before.begin();
+    for (const PetscInt row : rows_) {
+      PetscScalar* value = values.data() + places.offsets()[row];
+      entries.visit(row, 1, [&](PetscInt, PetscInt, PetscScalar entry) { *value++ = entry - *old++; });
+    }
+  };
+  subtract(now.own, parts.own, own_);
+  if (now.others != nullptr) subtract(now.others, parts.others, others_);
+  POLYSLIP_PETSC(PetscObjectStateIncrease(reinterpret_cast<PetscObject>(difference)));
 }
 
-void HierarchyUpdate::Rows::keep(Mat matrix, PetscInt row) {
-  PetscInt n = 0;
-  const PetscInt* its_columns = nullptr;
-  const PetscScalar* its_values = nullptr;
-  POLYSLIP_PETSC(MatGetRow(matrix, row, &n, &its_columns, &its_values));
-  rows.push_back(row);
-  sizes.push_back(n);
-  columns.insert(columns.end(), its_columns, its_columns + n);
-  values.insert(values.end(), its_values, its_values + n);
-  POLYSLIP_PETSC(MatRestoreRow(matrix, row, &n, &its_columns, &its_values));
-}
-
-void HierarchyUpdate::Rows::put_back(Mat matrix) const {
-  std::size_t at = 0;
-  for (std::size_t i = 0; i < rows.size(); ++i) {
-    POLYSLIP_PETSC(MatSetValues(matrix, 1, &rows[i], sizes[i], columns.data() + at, values.data() + at, INSERT_VALUES));
-    at += static_cast<std::size_t>(sizes[i]);
-  }
-  POLYSLIP_PETSC(MatAssemblyBegin(matrix, MAT_FINAL_ASSEMBLY));
-  POLYSLIP_PETSC(MatAssemblyEnd(matrix, MAT_FINAL_ASSEMBLY));
+void HierarchyUpdate::Rows::set_sum(Mat matrix, Mat change) const {
+  const AijParts sums(matrix), changes(change);
+  const auto add = [&](Mat part, Mat its_change, const std::vector<PetscScalar>& before, auto&& is_same) {
+    const AijRows places(part), entries(its_change);
+    const AijValues values(part);
+    auto old = before.begin();
+    for (const PetscInt row : rows_) {
+      const PetscInt *begin = places.columns() + places.offsets()[row], *end = places.columns() + places.offsets()[row + 1], *place = begin;
+      PetscScalar* sum = values.data() + places.offsets()[row];
+      std::copy_n(old, end - begin, sum);
+      old += end - begin;
+      entries.visit(row, 1, [&](PetscInt, PetscInt column, PetscScalar value) {  // mostly in the order of the columns of the matrix
+        const auto has = [&](PetscInt its_column) { return is_same(its_column, column); };
+        place = std::find_if(place, end, has);
+        if (place == end) place = std::find_if(begin, end, has);
+        if (place == end) throw std::logic_error("HierarchyUpdate: a coarse operator has no place for a change of its row");
+        sum[place++ - begin] += value;
+      });
+    }
+  };
+  add(sums.own, changes.own, own_, std::equal_to<PetscInt>());
+  if (sums.others != nullptr)
+    add(sums.others, changes.others, others_, [&](PetscInt a, PetscInt b) { return sums.global[a] == changes.global[b]; });
+  POLYSLIP_PETSC(PetscObjectStateIncrease(reinterpret_cast<PetscObject>(matrix)));
 }
 
 void HierarchyUpdate::apply(PC pc) {
-  write_change();
+  fine_rows_.subtract_from(fine_, change_);
   const PetscInt levels = levels_of(pc);
   const bool first = coarse_changes_.empty();
-  if (first) {
-    coarse_changes_.resize(static_cast<std::size_t>(levels) - 1);
-    coarse_rows_.resize(coarse_changes_.size());
-  }
+  coarse_changes_.resize(static_cast<std::size_t>(levels) - 1);
   Mat change = change_;
   for (PetscInt level = levels - 1; level > 0; --level) {
     const auto at = static_cast<std::size_t>(levels - 1 - level);
     Handle<Mat>& coarse = coarse_changes_[at];
-    Rows& rows = coarse_rows_[at];
     Mat prolongation = nullptr, operator_matrix = level_of(pc, level - 1).second;
     POLYSLIP_PETSC(PCMGGetInterpolation(pc, level, &prolongation));
     if (first) {
       POLYSLIP_PETSC(MatPtAP(change, prolongation, MAT_INITIAL_MATRIX, PETSC_DEFAULT, coarse.put()));
-      for (PetscInt row : filled_rows(coarse)) rows.keep(operator_matrix, row);
+      coarse_rows_.emplace_back(operator_matrix, filled_rows(coarse));
     } else {
       Mat reused = coarse;
       POLYSLIP_PETSC(MatPtAP(change, prolongation, MAT_REUSE_MATRIX, PETSC_DEFAULT, &reused));
-      rows.put_back(operator_matrix);
     }
-    POLYSLIP_PETSC(MatAXPY(operator_matrix, 1.0, coarse, SUBSET_NONZERO_PATTERN));
+    coarse_rows_[at].set_sum(operator_matrix, coarse);
     change = coarse;
   }
   // Smoothers with the eigenvalues of the old matrix on the finest level alone, where open faces come to stick, cost four times the iterations
@@ -183,7 +204,7 @@ void HierarchyUpdate::apply(PC pc) {
   for (PetscInt level = 0; level < levels; ++level) {
     const bool is_finest = level == levels - 1;
     const auto [smoother, matrix] = level_of(pc, level);
-    set_up_for_changed_rows(smoother, matrix, is_finest ? rows_ : coarse_rows_[static_cast<std::size_t>(levels - 2 - level)].rows);
+    set_up_for_changed_rows(smoother, matrix, (is_finest ? fine_rows_ : coarse_rows_[static_cast<std::size_t>(levels - 2 - level)]).rows());
   }
 }
 

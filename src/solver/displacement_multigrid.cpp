@@ -95,7 +95,6 @@ void DisplacementHierarchy::set_up(KSP ksp) {
     follow(ksp);
     if (!la::HierarchyUpdate::can_update(pc)) return;
     changes_.emplace(system_.matrix(), system_.changing_rows());
-    changes_->is_set_up();
   });
   follow(ksp);
 }

@@ -115,7 +115,7 @@ class MechanicsSystem {
   /// are on fracture faces only (the modes are then those of P).
   [[nodiscard]] IS nodal_field() const { return nodal_field_; }
   [[nodiscard]] IS normal_field() const { return normal_field_; }
-  /// Rows of P (of this rank, global numbers) that linearise rewrites.
+  /// Rows of P (of this rank, local numbers) that linearise rewrites.
   [[nodiscard]] std::vector<PetscInt> changing_rows() const;
   /// Whether the exact condensed operator is P itself (otherwise friction makes them differ).
   [[nodiscard]] bool matrix_is_exact() const { return matrix_is_exact_; }

@@ -41,6 +41,21 @@ class AijRows {
   const PetscScalar* values_ = nullptr;
 };
 
+/// Write access to the values of such a matrix, in the order in which AijRows gives them.
+class AijValues {
+ public:
+  explicit AijValues(Mat matrix) : matrix_(matrix) { POLYSLIP_PETSC(MatSeqAIJGetArray(matrix_, &values_)); }
+  ~AijValues() { (void)MatSeqAIJRestoreArray(matrix_, &values_); }
+  AijValues(const AijValues&) = delete;
+  AijValues& operator=(const AijValues&) = delete;
+
+  [[nodiscard]] PetscScalar* data() const { return values_; }
+
+ private:
+  Mat matrix_;
+  PetscScalar* values_ = nullptr;
+};
+
 /// The local matrices of a MATAIJ: columns of this rank, and those of others (null on one rank) with their global numbers.
 struct AijParts {
   Mat own, others = nullptr;

@@ -40,7 +40,7 @@ class BlockFactors {
 
   /// Takes over the entries of a matrix of the same pattern, and factorises it. False, on all ranks, where an entry is not finite. Collective.
   virtual bool factorise(Mat matrix) = 0;
-  /// The same for a matrix that differs from the one factorised last in some rows (of this rank, global numbers) and the same columns alone. Rows
+  /// The same for a matrix that differs from the one factorised last in some rows (of this rank, local numbers) and the same columns alone. Rows
   /// of L and D far from these are kept, so that M depends on the two matrices alone, and not on those of updates between.
   virtual bool update(Mat matrix, const std::vector<PetscInt>& rows) = 0;
   /// z = M^{-1} r

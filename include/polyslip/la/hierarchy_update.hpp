@@ -22,31 +22,35 @@ void complete_hierarchy(PC pc);
 
 class HierarchyUpdate {
  public:
-  /// Rows of `fine` (of this rank, global numbers, ascending) that may change; columns and pattern stay.
-  HierarchyUpdate(Mat fine, std::vector<PetscInt> rows);
+  /// Rows of `fine` (of this rank, local numbers, ascending) that may change; columns and pattern stay. Remembers them as they are: a full
+  /// set-up has just used them.
+  HierarchyUpdate(Mat fine, const std::vector<PetscInt>& rows);
 
   /// Whether a preconditioner is a hierarchy that this can bring up to date: GAMG or ML, set up, with more than one level.
   [[nodiscard]] static bool can_update(PC pc);
 
-  /// Remembers the rows as they are: a full set-up has just used them.
-  void is_set_up();
   /// Brings all coarse operators of `pc` up to date with the rows as they are now, and all smoothers.
   void apply(PC pc);
 
  private:
-  /// Some rows of a matrix (of this rank, global numbers), one behind the other.
-  struct Rows {
-    std::vector<PetscInt> rows, sizes, columns;
-    std::vector<PetscScalar> values;
-    void keep(Mat matrix, PetscInt row);
-    void put_back(Mat matrix) const;
+  /// Some rows of a MATAIJ (of this rank, local numbers) as they were at some time.
+  class Rows {
+   public:
+    Rows(Mat matrix, std::vector<PetscInt> rows);
+    [[nodiscard]] const std::vector<PetscInt>& rows() const { return rows_; }
+    /// difference = matrix - these, for a difference with the pattern of these rows.
+    void subtract_from(Mat matrix, Mat difference) const;
+    /// matrix = these + change, in these rows; the pattern of the change is part of that of the matrix.
+    void set_sum(Mat matrix, Mat change) const;
+
+   private:
+    std::vector<PetscInt> rows_;
+    std::vector<PetscScalar> own_, others_;  ///< Values row by row, by columns of this rank and of others.
   };
-  void write_change();
 
   Mat fine_;
-  std::vector<PetscInt> rows_;
-  Rows fine_rows_;      ///< rows_ at the set-up.
-  Handle<Mat> change_;  ///< dA of the finest level: rows_ only.
+  Handle<Mat> change_;  ///< dA of the finest level.
+  Rows fine_rows_;      ///< Of A^0.
   // Of the other levels, finest first; empty until the first update of a hierarchy.
   std::vector<Handle<Mat>> coarse_changes_;  ///< dA
   std::vector<Rows> coarse_rows_;            ///< Rows of A^0 that dA has.

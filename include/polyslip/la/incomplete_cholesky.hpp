@@ -19,7 +19,7 @@ namespace polyslip::la {
 /// -pc_type block_icc
 inline constexpr const char* block_icc = "block_icc";
 
-/// Sets a solver up for a matrix that differs from that of its last full set-up in these rows (of this rank, global numbers) and the same
+/// Sets a solver up for a matrix that differs from that of its last full set-up in these rows (of this rank, local numbers) and the same
 /// columns alone: block_icc then factorises no more than what is near them.
 void set_up_for_changed_rows(KSP ksp, Mat matrix, const std::vector<PetscInt>& rows);
 

@@ -6,6 +6,7 @@
 #include <tuple>
 #include <vector>
 
+#include "polyslip/common/mpi.hpp"
 #include "polyslip/la/hierarchy_update.hpp"
 #include "polyslip/la/incomplete_cholesky.hpp"
 #include "polyslip/la/vec_access.hpp"
@@ -15,17 +16,18 @@ namespace {
 
 constexpr PetscInt nodes = 400, dim = 3;
 
-/// Springs between the nodes of a line, each also held a little; the last node is all but loose from the others.
-la::Handle<Mat> line_of_springs() {
+/// Springs between the nodes of a line, so many on each rank, each also held a little; the last node is all but loose from the others.
+la::Handle<Mat> line_of_springs(MPI_Comm comm) {
   la::Handle<Mat> matrix;
-  POLYSLIP_PETSC(MatCreateAIJ(PETSC_COMM_SELF, nodes * dim, nodes * dim, nodes * dim, nodes * dim, 3, nullptr, 0, nullptr, matrix.put()));
+  POLYSLIP_PETSC(MatCreateAIJ(comm, nodes * dim, nodes * dim, PETSC_DETERMINE, PETSC_DETERMINE, 3, nullptr, 1, nullptr, matrix.put()));
   POLYSLIP_PETSC(MatSetBlockSize(matrix, dim));
-  for (PetscInt node = 0; node < nodes; ++node)
+  const PetscInt first = mpi::rank(comm) * nodes, end = mpi::size(comm) * nodes;
+  for (PetscInt node = first; node < first + nodes; ++node)
     for (PetscInt c = 0; c < dim; ++c) {
       const PetscInt row = node * dim + c, next = row + dim;
       POLYSLIP_PETSC(MatSetValue(matrix, row, row, 1e-3, ADD_VALUES));
-      if (node + 1 == nodes) continue;
-      const double k = node + 2 == nodes ? 1e-9 : 1;
+      if (node + 1 == end) continue;
+      const double k = node + 2 == end ? 1e-9 : 1;
       for (const auto& [i, j, value] : {std::tuple{row, row, k}, {next, next, k}, {row, next, -k}, {next, row, -k}})
         POLYSLIP_PETSC(MatSetValue(matrix, i, j, value, ADD_VALUES));
     }
@@ -34,7 +36,7 @@ la::Handle<Mat> line_of_springs() {
   la::Handle<Vec> coordinates;
   POLYSLIP_PETSC(MatCreateVecs(matrix, coordinates.put(), nullptr));
   POLYSLIP_PETSC(VecSetBlockSize(coordinates, dim));
-  for (PetscInt node = 0; node < nodes; ++node) POLYSLIP_PETSC(VecSetValue(coordinates, node * dim, node, INSERT_VALUES));
+  for (PetscInt node = first; node < first + nodes; ++node) POLYSLIP_PETSC(VecSetValue(coordinates, node * dim, node, INSERT_VALUES));
   POLYSLIP_PETSC(VecAssemblyBegin(coordinates));
   POLYSLIP_PETSC(VecAssemblyEnd(coordinates));
   MatNullSpace modes = nullptr;
@@ -60,9 +62,10 @@ std::vector<double> coarse_diagonal(PC pc, PetscInt level) {
 
 class hierarchy : public testing::Test {
  protected:
-  explicit hierarchy(const std::string& prefix = "", const std::string& options = "") : matrix_(line_of_springs()) {
+  explicit hierarchy(const std::string& prefix = "", const std::string& options = "", MPI_Comm comm = PETSC_COMM_SELF)
+      : matrix_(line_of_springs(comm)) {
     POLYSLIP_PETSC(PetscOptionsInsertString(nullptr, options.c_str()));
-    POLYSLIP_PETSC(KSPCreate(PETSC_COMM_SELF, ksp_.put()));
+    POLYSLIP_PETSC(KSPCreate(comm, ksp_.put()));
     POLYSLIP_PETSC(KSPSetOptionsPrefix(ksp_, prefix.c_str()));
     POLYSLIP_PETSC(KSPSetFromOptions(ksp_));
     POLYSLIP_PETSC(KSPSetOperators(ksp_, matrix_, matrix_));
@@ -129,7 +132,6 @@ TEST_F(hierarchy, smooths_with_the_eigenvalues_of_the_rows_at_hand) {
   ASSERT_GT(levels_, 1);
   const PetscInt row = dim * nodes / 2;
   la::HierarchyUpdate update(matrix_, {row});
-  update.is_set_up();
   for (PetscInt level = 1; level < levels_; ++level) {
     KSP smoother = nullptr, estimate = nullptr;
     PetscInt before = 0, after = 0;
@@ -145,6 +147,47 @@ TEST_F(hierarchy, smooths_with_the_eigenvalues_of_the_rows_at_hand) {
   }
 }
 
+struct hierarchy_over_all_ranks : hierarchy {
+  hierarchy_over_all_ranks() : hierarchy("", "", PETSC_COMM_WORLD) {}
+};
+
+TEST_F(hierarchy_over_all_ranks, has_the_coarse_operators_of_the_rows_at_hand) {
+  ASSERT_GT(levels_, 1);
+  PetscInt begin = 0, total = 0;
+  POLYSLIP_PETSC(MatGetOwnershipRange(matrix_, &begin, nullptr));
+  POLYSLIP_PETSC(MatGetSize(matrix_, &total, nullptr));
+  // The first and the last node of each rank, which a spring ties to those of other ranks.
+  la::HierarchyUpdate update(matrix_, {0, 1, dim * nodes - dim, dim * nodes - dim + 1});
+  for (double k : {3.0, -1.0}) {
+    for (PetscInt row : {begin + dim * nodes - dim, begin + dim * nodes - dim + 1}) {
+      const PetscInt next = row + dim;
+      if (next >= total) continue;
+      for (const auto& [i, j, value] : {std::tuple{row, row, k}, {next, next, k}, {row, next, -k}, {next, row, -k}})
+        POLYSLIP_PETSC(MatSetValue(matrix_, i, j, value, ADD_VALUES));
+    }
+    POLYSLIP_PETSC(MatSetValue(matrix_, begin, begin, k, ADD_VALUES));
+    POLYSLIP_PETSC(MatAssemblyBegin(matrix_, MAT_FINAL_ASSEMBLY));
+    POLYSLIP_PETSC(MatAssemblyEnd(matrix_, MAT_FINAL_ASSEMBLY));
+    update.apply(pc_);
+    Mat fine = matrix_;
+    for (PetscInt level = levels_ - 1; level > 0; --level) {
+      Mat prolongation = nullptr, coarse = nullptr;
+      KSP smoother = nullptr;
+      la::Handle<Mat> difference;
+      PetscReal of_difference = 0, of_coarse = 0;
+      POLYSLIP_PETSC(PCMGGetInterpolation(pc_, level, &prolongation));
+      POLYSLIP_PETSC(PCMGGetSmoother(pc_, level - 1, &smoother));
+      POLYSLIP_PETSC(KSPGetOperators(smoother, nullptr, &coarse));
+      POLYSLIP_PETSC(MatPtAP(fine, prolongation, MAT_INITIAL_MATRIX, PETSC_DEFAULT, difference.put()));
+      POLYSLIP_PETSC(MatAXPY(difference, -1, coarse, DIFFERENT_NONZERO_PATTERN));
+      POLYSLIP_PETSC(MatNorm(difference, NORM_FROBENIUS, &of_difference));
+      POLYSLIP_PETSC(MatNorm(coarse, NORM_FROBENIUS, &of_coarse));
+      EXPECT_LT(of_difference, 1e-12 * of_coarse) << "level " << level - 1 << ", k = " << k;
+      fine = coarse;
+    }
+  }
+}
+
 /// Without a preconditioner the smoother feels a stiff spring most.
 struct hierarchy_of_plain_smoothers : hierarchy {
   hierarchy_of_plain_smoothers()
@@ -155,7 +198,6 @@ TEST_F(hierarchy_of_plain_smoothers, forgets_the_rows_that_were_in_between) {
   ASSERT_GT(levels_, 1);
   const PetscInt row = dim * nodes / 2, next = row + dim;
   la::HierarchyUpdate update(matrix_, {row, next});
-  update.is_set_up();
   la::Handle<Vec> x, b;
   POLYSLIP_PETSC(MatCreateVecs(matrix_, x.put(), b.put()));
   POLYSLIP_PETSC(VecSetRandom(b, nullptr));

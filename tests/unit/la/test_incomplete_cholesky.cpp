@@ -290,14 +290,14 @@ la::Handle<Vec> solved(KSP ksp, Vec b) {
   return x;
 }
 
-/// Holds one node of each rank by that much more, and returns its rows.
+/// Holds one node of each rank by that much more, and returns its rows on this rank.
 std::vector<PetscInt> hold_more(Mat matrix, PetscInt block, PetscInt node, double stiffness) {
   PetscInt begin = 0;
   std::vector<PetscInt> rows;
   POLYSLIP_PETSC(MatGetOwnershipRange(matrix, &begin, nullptr));
   hold(matrix, block, begin / block + node, stiffness);
   assemble(matrix);
-  for (PetscInt c = 0; c < block; ++c) rows.push_back(begin + node * block + c);
+  for (PetscInt c = 0; c < block; ++c) rows.push_back(node * block + c);
   return rows;
 }
 
