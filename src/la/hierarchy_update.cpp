@@ -89,6 +89,15 @@ std::pair<KSP, Mat> level_of(PC hierarchy, PetscInt level) {
   return {smoother, matrix};
 }
 
+/// Calls visit for the preconditioner of each field, if there are any.
+void for_each_inner(PC pc, void (*visit)(PC)) {
+  for_each_field(pc, [visit](KSP field) {
+    PC inner = nullptr;
+    POLYSLIP_PETSC(KSPGetPC(field, &inner));
+    visit(inner);
+  });
+}
+
 PetscInt levels_of(PC hierarchy) {
   PetscInt levels = 0;
   POLYSLIP_PETSC(PCMGGetLevels(hierarchy, &levels));
@@ -97,12 +106,14 @@ PetscInt levels_of(PC hierarchy) {
 
 }  // namespace
 
+void begin_full_set_up(PC pc) {
+  for_each_inner(pc, begin_full_set_up);
+  if (!HierarchyUpdate::can_update(pc)) return;
+  for (PetscInt level = 0; level < levels_of(pc); ++level) forget_changed_rows(level_of(pc, level).first);
+}
+
 void complete_hierarchy(PC pc) {
-  for_each_field(pc, [](KSP field) {
-    PC inner = nullptr;
-    POLYSLIP_PETSC(KSPGetPC(field, &inner));
-    complete_hierarchy(inner);
-  });
+  for_each_inner(pc, complete_hierarchy);
   if (!HierarchyUpdate::can_update(pc)) return;
   const PetscInt coarse = levels_of(pc) - 1;
   for (PetscInt level = 0; level < coarse; ++level) {

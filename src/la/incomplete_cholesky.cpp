@@ -7,6 +7,7 @@
 #include <array>
 #include <cmath>
 #include <memory>
+#include <optional>
 #include <random>
 #include <vector>
 
@@ -26,7 +27,7 @@ struct Data {
   std::array<PetscReal, 2> interval{0.3, 1.1};
   PetscMPIInt tag = 0;
   std::unique_ptr<BlockFactors> factors;
-  const std::vector<PetscInt>* changed = nullptr;  ///< During a set-up: rows that differ from those that were factorised in full, if known.
+  std::optional<std::vector<PetscInt>> changed;  ///< Rows that may differ from those that were factorised in full, if known.
   double largest_eigenvalue = 0;
   Values b, x, change, r, z;  ///< Work space.
 };
@@ -138,11 +139,12 @@ PetscErrorCode set_up(PC pc) {
   if (data.tag == 0) PetscCall(PetscObjectGetNewTag(reinterpret_cast<PetscObject>(pc), &data.tag));
   const bool is_new = pc->setupcalled == 0 || pc->flag == DIFFERENT_NONZERO_PATTERN;
   if (is_new) {
+    data.changed.reset();
     PetscCallCXX(data.factors = block_factors(pc->pmat, data.tag, data.steps > 0));
     for (Values* values : {&data.b, &data.x, &data.change, &data.r, &data.z}) *values = data.factors->zeros();
   }
   bool is_finite = false;
-  PetscCallCXX(is_finite = data.changed != nullptr && !is_new ? data.factors->update(pc->pmat, *data.changed) : data.factors->factorise(pc->pmat));
+  PetscCallCXX(is_finite = data.changed ? data.factors->update(pc->pmat, *data.changed) : data.factors->factorise(pc->pmat));
   if (is_finite && data.steps > 0) {
     PetscCallCXX(data.largest_eigenvalue = estimate_largest_eigenvalue(data, pc->pmat));
     if (data.largest_eigenvalue == 0) data.largest_eigenvalue = 1;  // no rows, or empty ones
@@ -224,11 +226,13 @@ PetscErrorCode create(PC pc) {
   PetscFunctionReturn(0);
 }
 
-bool iterates(PC pc) {
-  PetscBool is_block_icc = PETSC_FALSE;
-  POLYSLIP_PETSC(PetscObjectTypeCompare(reinterpret_cast<PetscObject>(pc), block_icc, &is_block_icc));
-  return is_block_icc && data_of(pc).steps > 0;
+bool is_block_icc(PC pc) {
+  PetscBool is = PETSC_FALSE;
+  POLYSLIP_PETSC(PetscObjectTypeCompare(reinterpret_cast<PetscObject>(pc), block_icc, &is));
+  return is == PETSC_TRUE;
 }
+
+bool iterates(PC pc) { return is_block_icc(pc) && data_of(pc).steps > 0; }
 
 /// r = b - A x, A the matrix that a preconditioner keeps.
 PetscErrorCode residual(Mat shell, Vec b, Vec x, Vec r) {
@@ -257,13 +261,16 @@ double largest_eigenvalue(PC pc) { return data_of(pc).largest_eigenvalue; }
 
 void set_up_for_changed_rows(KSP ksp, Mat matrix, const std::vector<PetscInt>& rows) {
   PC pc = nullptr;
-  PetscBool is_block_icc = PETSC_FALSE;
   POLYSLIP_PETSC(KSPGetPC(ksp, &pc));
-  POLYSLIP_PETSC(PetscObjectTypeCompare(reinterpret_cast<PetscObject>(pc), block_icc, &is_block_icc));
   POLYSLIP_PETSC(KSPSetOperators(ksp, matrix, matrix));
-  if (is_block_icc) data_of(pc).changed = &rows;
+  if (is_block_icc(pc)) data_of(pc).changed = rows;
   POLYSLIP_PETSC(KSPSetUp(ksp));
-  if (is_block_icc) data_of(pc).changed = nullptr;
+}
+
+void forget_changed_rows(KSP ksp) {
+  PC pc = nullptr;
+  POLYSLIP_PETSC(KSPGetPC(ksp, &pc));
+  if (is_block_icc(pc)) data_of(pc).changed.reset();
 }
 
 void take_residuals_from_smoothers(PC hierarchy) {

@@ -110,6 +110,7 @@ bool DisplacementHierarchy::follow(KSP ksp) {
   POLYSLIP_PETSC(KSPGetOperators(ksp, &applied, &matrix));
   POLYSLIP_PETSC(KSPSetOperators(ksp, applied, matrix));  // or a block of a split would be left as it was set up first
   la::reuse_preconditioner(ksp, false);
+  la::begin_full_set_up(pc);
   la::set_up_with_fields(ksp);
   la::complete_hierarchy(pc);
   la::reuse_preconditioner(ksp, true);

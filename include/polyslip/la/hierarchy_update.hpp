@@ -14,6 +14,9 @@
 
 namespace polyslip::la {
 
+/// What is to be done before each full set-up of a hierarchy, or of those of the fields of a PCFIELDSPLIT: its smoothers forget which rows
+/// have changed since the last one.
+void begin_full_set_up(PC pc);
 /// What is left to do after each full set-up of a hierarchy; in a PCFIELDSPLIT of those of its fields, others are left as they are.
 /// Gives the empty rows of coarse operators a diagonal: an aggregate with too few nodes for its modes leaves columns of the prolongation
 /// empty, and PETSc's incomplete Cholesky would shift the diagonal of all rows until that one is positive. Nothing is ever restricted to

@@ -20,8 +20,10 @@ namespace polyslip::la {
 inline constexpr const char* block_icc = "block_icc";
 
 /// Sets a solver up for a matrix that differs from that of its last full set-up in these rows (of this rank, local numbers) and the same
-/// columns alone: block_icc then factorises no more than what is near them.
+/// columns alone: block_icc then factorises no more than what is near them, and so whenever the matrix changes from then on.
 void set_up_for_changed_rows(KSP ksp, Mat matrix, const std::vector<PetscInt>& rows);
+/// Makes the next set-up a full one.
+void forget_changed_rows(KSP ksp);
 
 /// Lets smoothers that iterate with block_icc make the residuals for the coarser level of a PCMG, too: in single precision.
 void take_residuals_from_smoothers(PC hierarchy);

@@ -325,10 +325,19 @@ TEST_P(block_icc_of_nodes, keeps_what_was_factorised_in_full_but_for_the_rows_th
   const la::Handle<Vec> after = solved(once, b);
   EXPECT_EQ(difference(solved(twice, b), after), 0);
   EXPECT_GT(difference(after, before), 1e-4);
-  (void)hold_more(matrix, GetParam(), 0, 1);
-  POLYSLIP_PETSC(KSPSetOperators(once, matrix, matrix));
-  POLYSLIP_PETSC(KSPSetUp(once));
-  EXPECT_EQ(difference(solved(once, b), solved(factors_of(matrix), b)), 0) << "a set-up that is told of nothing takes all rows";
+
+  const auto set_up = [&] {
+    (void)hold_more(matrix, GetParam(), 0, 1);
+    POLYSLIP_PETSC(KSPSetOperators(once, matrix, matrix));
+    POLYSLIP_PETSC(KSPSetUp(once));
+  };
+  if (mpi::size(PETSC_COMM_WORLD) == 1) {  // else node 0 is at a border
+    set_up();
+    EXPECT_EQ(difference(solved(once, b), after), 0);
+  }
+  la::forget_changed_rows(once);
+  set_up();
+  EXPECT_EQ(difference(solved(once, b), solved(factors_of(matrix), b)), 0);
 }
 
 TEST(block_icc, stays_positive_where_the_factorisation_does_not_and_leaves_empty_rows_alone) {
