@@ -43,7 +43,7 @@ class FactorsOf final : public BlockFactors {
     nodes_ = rows / b;
     const Numbering numbering = take_turns(matrix, parts, tag);
     find_lower(parts, numbering);
-    const auto turns = static_cast<std::size_t>(nodes_ + ghosts_);
+    const auto turns = static_cast<std::size_t>(end_);
     values_.resize(lower_.values.size() * size);
     inverse_.resize(turns * size);
     is_damped_.resize(turns, 0);
@@ -258,8 +258,7 @@ class FactorsOf final : public BlockFactors {
   /// The pattern of L: where the matrix has blocks, and of ghosts what their ranks tell.
   void find_lower(const AijParts& parts, const Numbering& numbering) {
     const Entries entries(parts);
-    const Index turns = nodes_ + ghosts_;
-    std::vector<Index> seen(static_cast<std::size_t>(turns), none), columns;
+    std::vector<Index> seen(static_cast<std::size_t>(end_), none), columns;
     std::vector<std::vector<Index>> of_ghosts(static_cast<std::size_t>(ghosts_)), at_border(static_cast<std::size_t>(end_ - border_));
     const auto find_row = [&](Index i, std::vector<Index>& row) {
       row.clear();
@@ -268,7 +267,7 @@ class FactorsOf final : public BlockFactors {
       });
       std::sort(row.begin(), row.end());
     };
-    lower_.offsets.reserve(static_cast<std::size_t>(turns) + 1);
+    lower_.offsets.reserve(static_cast<std::size_t>(end_) + 1);
     for (Index i = border_; i < end_; ++i) find_row(i, at_border[static_cast<std::size_t>(i - border_)]);
     exchange_patterns(numbering, at_border, of_ghosts);
     for (const std::vector<Index>& row : of_ghosts) lower_.push_row(row);

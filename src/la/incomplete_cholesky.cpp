@@ -137,8 +137,7 @@ PetscErrorCode set_up(PC pc) {
   PetscCall(PetscObjectTypeCompareAny(reinterpret_cast<PetscObject>(pc->pmat), &is_aij, MATSEQAIJ, MATMPIAIJ, ""));
   PetscCheck(is_aij, comm_of(pc), PETSC_ERR_SUP, "block_icc takes matrices of type aij");
   if (data.tag == 0) PetscCall(PetscObjectGetNewTag(reinterpret_cast<PetscObject>(pc), &data.tag));
-  const bool is_new = pc->setupcalled == 0 || pc->flag == DIFFERENT_NONZERO_PATTERN;
-  if (is_new) {
+  if (pc->setupcalled == 0 || pc->flag == DIFFERENT_NONZERO_PATTERN) {
     data.changed.reset();
     PetscCallCXX(data.factors = block_factors(pc->pmat, data.tag, data.steps > 0));
     for (Values* values : {&data.b, &data.x, &data.change, &data.r, &data.z}) *values = data.factors->zeros();

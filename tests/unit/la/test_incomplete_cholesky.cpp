@@ -271,23 +271,17 @@ TEST_P(block_icc_of_nodes, estimates_1_where_the_factors_are_exact) {
 
 /// A solver that applies the factors alone, set up.
 la::Handle<KSP> factors_of(Mat matrix) {
-  POLYSLIP_PETSC(la::register_block_icc());
   la::Handle<KSP> ksp;
-  PC pc = nullptr;
   POLYSLIP_PETSC(KSPCreate(PETSC_COMM_WORLD, ksp.put()));
   POLYSLIP_PETSC(KSPSetType(ksp, KSPPREONLY));
-  POLYSLIP_PETSC(KSPGetPC(ksp, &pc));
-  POLYSLIP_PETSC(PCSetType(pc, la::block_icc));
-  POLYSLIP_PETSC(KSPSetOperators(ksp, matrix, matrix));
-  POLYSLIP_PETSC(KSPSetUp(ksp));
+  POLYSLIP_PETSC(KSPSetPC(ksp, preconditioner(matrix, la::block_icc)));
   return ksp;
 }
 
 la::Handle<Vec> solved(KSP ksp, Vec b) {
-  la::Handle<Vec> x;
-  POLYSLIP_PETSC(VecDuplicate(b, x.put()));
-  POLYSLIP_PETSC(KSPSolve(ksp, b, x));
-  return x;
+  PC pc = nullptr;
+  POLYSLIP_PETSC(KSPGetPC(ksp, &pc));
+  return applied(pc, b);
 }
 
 /// Holds one node of each rank by that much more, and returns its rows on this rank.
