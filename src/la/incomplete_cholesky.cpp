@@ -190,7 +190,7 @@ PetscErrorCode view(PC pc, PetscViewer viewer) {
   PetscBool ascii = PETSC_FALSE;
   PetscCall(PetscObjectTypeCompare(reinterpret_cast<PetscObject>(viewer), PETSCVIEWERASCII, &ascii));
   if (!ascii || !data.factors) PetscFunctionReturn(0);
-  PetscCall(PetscViewerASCIIPrintf(viewer, "  blocks of %d in single precision, %d diagonal blocks of rank 0 damped\n", data.factors->block(),
+  PetscCall(PetscViewerASCIIPrintf(viewer, "  blocks of %d in half and single precision, %d diagonal blocks of rank 0 damped\n", data.factors->block(),
                                    data.factors->damped()));
   if (data.steps > 0)
     PetscCall(PetscViewerASCIIPrintf(viewer, "  %d steps of Chebyshev's iteration on [%g, %g] x %g\n", data.steps, data.interval[0],

@@ -1,5 +1,5 @@
-// Incomplete Cholesky factorisation by blocks of one node, in single precision, across the borders of ranks (block_factors.hpp): the
-// preconditioner of type `block_icc` in options.
+// Incomplete Cholesky factorisation by blocks of one node, in half and single precision, across the borders of ranks (block_factors.hpp):
+// the preconditioner of type `block_icc` in options.
 //
 //   -pc_block_icc_steps 0              0: M^{-1}; n: n steps of Chebyshev's iteration for A x = b with M^{-1}
 //   -pc_block_icc_interval 0.3,1.1     on which that works, relative to the largest eigenvalue of M^{-1} A
