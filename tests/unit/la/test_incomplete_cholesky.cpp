@@ -260,14 +260,9 @@ TEST_P(block_icc_of_nodes, iterates_as_chebyshevs_method_of_petsc) {
   EXPECT_LT(difference(applied(iterating, b), smoothed(theirs, matrix, zero)), 1e-5) << "applied";
 }
 
-TEST_P(block_icc_of_nodes, estimates_the_largest_eigenvalue) {
-  const la::Handle<Mat> matrix = grid(GetParam(), 1e-3);
-  const auto estimate = [&](const std::string& its) {
-    const std::string options = "-estimate_pc_block_icc_steps 1 -estimate_pc_block_icc_estimate_its " + its;
-    return la::largest_eigenvalue(preconditioner(matrix, la::block_icc, "estimate_", options.c_str()));
-  };
+/// Of the preconditioned matrix, by conjugate gradients to the end.
+double largest_singular_value(Mat matrix, PC factors) {
   la::Handle<KSP> ksp;
-  const la::Handle<PC> factors = preconditioner(matrix, la::block_icc);
   PetscReal largest = 0, smallest = 0;
   POLYSLIP_PETSC(KSPCreate(PETSC_COMM_WORLD, ksp.put()));
   POLYSLIP_PETSC(KSPSetType(ksp, KSPCG));
@@ -278,6 +273,16 @@ TEST_P(block_icc_of_nodes, estimates_the_largest_eigenvalue) {
   const la::Handle<Vec> b = noise(matrix, 1), x = noise(matrix, 2);
   POLYSLIP_PETSC(KSPSolve(ksp, b, x));
   POLYSLIP_PETSC(KSPComputeExtremeSingularValues(ksp, &largest, &smallest));
+  return largest;
+}
+
+TEST_P(block_icc_of_nodes, estimates_the_largest_eigenvalue) {
+  const la::Handle<Mat> matrix = grid(GetParam(), 1e-3);
+  const auto estimate = [&](const std::string& its) {
+    const std::string options = "-estimate_pc_block_icc_steps 1 -estimate_pc_block_icc_estimate_its " + its;
+    return la::largest_eigenvalue(preconditioner(matrix, la::block_icc, "estimate_", options.c_str()));
+  };
+  const double largest = largest_singular_value(matrix, preconditioner(matrix, la::block_icc));
   EXPECT_NEAR(estimate("40"), largest, 1e-2 * largest);
   EXPECT_NEAR(estimate("5"), largest, 0.3 * largest);
 }
@@ -289,14 +294,16 @@ TEST_P(block_icc_of_nodes, estimates_1_where_the_factors_are_exact) {
   EXPECT_NEAR(la::largest_eigenvalue(pc), 1, 1e-5) << "rounding must not be taken for eigenvectors";
 }
 
-/// A solver that applies the factors alone, set up.
-la::Handle<KSP> factors_of(Mat matrix) {
+/// A solver that applies a preconditioner alone, set up.
+la::Handle<KSP> solver_of(const la::Handle<PC>& pc) {
   la::Handle<KSP> ksp;
   POLYSLIP_PETSC(KSPCreate(PETSC_COMM_WORLD, ksp.put()));
   POLYSLIP_PETSC(KSPSetType(ksp, KSPPREONLY));
-  POLYSLIP_PETSC(KSPSetPC(ksp, preconditioner(matrix, la::block_icc)));
+  POLYSLIP_PETSC(KSPSetPC(ksp, pc));
   return ksp;
 }
+
+la::Handle<KSP> factors_of(Mat matrix) { return solver_of(preconditioner(matrix, la::block_icc)); }
 
 la::Handle<Vec> solved(KSP ksp, Vec b) {
   PC pc = nullptr;
@@ -352,6 +359,38 @@ TEST_P(block_icc_of_nodes, keeps_what_was_factorised_in_full_but_for_the_rows_th
   la::forget_changed_rows(once);
   set_up();
   EXPECT_EQ(difference(solved(once, b), solved(factors_of(matrix), b)), 0);
+}
+
+/// Adds springs from the middle of each rank's part of a grid to the nodes around it, and returns the rows of these.
+std::vector<PetscInt> tie_together(Mat matrix, PetscInt block, double stiffness) {
+  const PetscInt middle = 3 + 6 * (3 + 6 * 2);
+  PetscInt begin = 0;
+  std::vector<PetscInt> rows;
+  POLYSLIP_PETSC(MatGetOwnershipRange(matrix, &begin, nullptr));
+  for (PetscInt dz : {-1, 0, 1})
+    for (PetscInt dy : {-1, 0, 1})
+      for (PetscInt dx : {-1, 0, 1}) {
+        const PetscInt node = middle + dx + 6 * (dy + 6 * dz), first = begin / block;
+        if (node != middle) add_spring(matrix, block, first + middle, first + node, stiffness);
+        for (PetscInt c = 0; c < block; ++c) rows.push_back(node * block + c);
+      }
+  assemble(matrix);
+  return rows;
+}
+
+TEST_P(block_icc_of_nodes, estimates_more_where_changed_rows_ask_for_it) {
+  const la::Handle<Mat> matrix = grid(GetParam(), 1e-3);
+  const la::Handle<PC> factors = preconditioner(matrix, la::block_icc);
+  const la::Handle<PC> smoother = preconditioner(matrix, la::block_icc, "changed_", "-changed_pc_block_icc_steps 1");
+  const la::Handle<KSP> of_factors = solver_of(factors), of_smoother = solver_of(smoother);
+  const double before = la::largest_eigenvalue(smoother);
+  la::set_up_for_changed_rows(of_smoother, matrix, tie_together(matrix, GetParam(), 0));
+  EXPECT_EQ(la::largest_eigenvalue(smoother), before);
+
+  const std::vector<PetscInt> rows = tie_together(matrix, GetParam(), 1000);
+  for (KSP ksp : {of_factors.get(), of_smoother.get()}) la::set_up_for_changed_rows(ksp, matrix, rows);
+  const double largest = largest_singular_value(matrix, factors);
+  EXPECT_NEAR(la::largest_eigenvalue(smoother), largest, 0.5 * (largest - before));
 }
 
 TEST(block_icc, stays_positive_where_the_factorisation_does_not_and_leaves_empty_rows_alone) {
