@@ -93,14 +93,13 @@ struct EntityList {
   std::vector<Index> entities;
   std::vector<int> begin;
 
-  void assign(const Layout& layout, std::span<const Index> displacements) {
+  void assign(const la::BlockMatrix& matrix, const Layout& layout, std::span<const Index> displacements) {
     entities.clear();
     begin.clear();
-    for (std::size_t i = 0; i < displacements.size(); ++i) {
-      const Index entity = layout.entity_of(displacements[i]);
-      if (!entities.empty() && entities.back() == entity) continue;
-      entities.push_back(entity);
-      begin.push_back(static_cast<int>(i));
+    const int n = static_cast<int>(displacements.size());
+    for (int i = 0; i < n; i += matrix.width(entities.back())) {
+      entities.push_back(layout.entity_of(displacements[static_cast<std::size_t>(i)]));
+      begin.push_back(i);
     }
   }
 };
@@ -113,7 +112,7 @@ class BlockInsertion {
 
   /// `block` is the leading part of rows of `width` entries; of prescribed displacements only the diagonal entry is kept.
   void add(std::span<const Index> displacements, std::span<const double> block, int width) {
-    list_.assign(layout_, displacements);
+    list_.assign(matrix_, layout_, displacements);
     const bool any_fixed = std::any_of(displacements.begin(), displacements.end(), [&](Index i) { return fixed_[i] != 0; });
     for (std::size_t k = 0; k < list_.entities.size(); ++k) {
       const Index row = list_.entities[k];

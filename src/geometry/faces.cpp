@@ -11,6 +11,10 @@ void vector_weights(int dim, std::span<const Vec3> points, std::span<Vec3> g) {
     g[0] = g[1] = 0.5 * Vec3(t.y(), -t.x(), 0.0);
     return;
   }
+  if (m == 3) {
+    g[0] = g[1] = g[2] = (points[1] - points[0]).cross(points[2] - points[0]) / 6.0;
+    return;
+  }
   Vec3 c = Vec3::Zero();
   for (const Vec3& x : points) c += x;
   c /= static_cast<double>(m);
@@ -44,6 +48,7 @@ FaceGeometry face_geometry(std::span<const Vec3> points, std::span<const Vec3> g
 
 double vector_weights_flops(int dim, int m) {
   if (dim == 2) return 6;
+  if (m == 3) return 18;       // two differences, cross product, division
   return 3.0 * m + 3         // centre
          + (18 + 9) * m      // thirds of the triangles: two differences, cross product, division; three sums
          + 3 + 3.0 * m;      // the share of the centre
