@@ -250,30 +250,39 @@ class ProductWithP : public Product {
     return rows;
   }
 
-  /// The product with all entries zero; its rows of blocks of r x c entries.
+  /// The product with all entries zero; its rows of blocks of r x c entries. PETSc takes the pattern of each part as it is, but that of a
+  /// MATMPIAIJ entry by entry.
   template <int r>
   void preallocate(Mat p, const Csr& rows, Index count, Mat product) const {
     MatType type = nullptr;
     PetscInt total = 0;
     POLYSLIP_PETSC(MatGetType(p, &type));
     POLYSLIP_PETSC(MatGetSize(p, nullptr, &total));
-    std::vector<PetscInt> offsets{0}, columns;
-    std::vector<GlobalIndex> numbers;
-    for (Index row = 0; row < count; ++row) {
-      numbers.clear();
-      for (Index column : rows[row]) numbers.push_back(global(column));
-      std::sort(numbers.begin(), numbers.end());
-      for (int i = 0; i < r; ++i) {
-        for (GlobalIndex number : numbers)
-          for (int j = 0; j < c; ++j) columns.push_back(number * c + j);
-        offsets.push_back(static_cast<PetscInt>(columns.size()));
-      }
-    }
     POLYSLIP_PETSC(MatSetSizes(product, count * r, owned_ * c, PETSC_DETERMINE, total));
     POLYSLIP_PETSC(MatSetType(product, type));
     POLYSLIP_PETSC(MatSetBlockSizes(product, r, c));
-    POLYSLIP_PETSC(MatSeqAIJSetPreallocationCSR(product, offsets.data(), columns.data(), nullptr));
-    POLYSLIP_PETSC(MatMPIAIJSetPreallocationCSR(product, offsets.data(), columns.data(), nullptr));
+    POLYSLIP_PETSC(MatMPIAIJSetPreallocation(product, 0, nullptr, 0, nullptr));
+    const AijParts parts(product);
+    const auto give = [&](Mat part, auto&& is_in_it, auto&& number) {
+      std::vector<PetscInt> offsets{0}, columns, of_row;
+      offsets.reserve(static_cast<std::size_t>(count * r) + 1);
+      columns.reserve(static_cast<std::size_t>(rows.offsets[count]) * r * c);
+      for (Index row = 0; row < count; ++row) {
+        of_row.clear();
+        for (Index column : rows[row])
+          for (int j = 0; is_in_it(column) && j < c; ++j) of_row.push_back(number(column) * c + j);
+        for (int i = 0; i < r; ++i) {
+          columns.insert(columns.end(), of_row.begin(), of_row.end());
+          offsets.push_back(static_cast<PetscInt>(columns.size()));
+        }
+      }
+      POLYSLIP_PETSC(MatSeqAIJSetPreallocationCSR(part, offsets.data(), columns.data(), nullptr));
+    };
+    give(parts.own, [&](Index column) { return column < owned_; }, [](Index column) { return column; });
+    if (parts.others != nullptr)
+      give(parts.others, [&](Index column) { return column >= owned_; }, [&](Index column) { return global(column); });
+    POLYSLIP_PETSC(MatAssemblyBegin(product, MAT_FINAL_ASSEMBLY));
+    POLYSLIP_PETSC(MatAssemblyEnd(product, MAT_FINAL_ASSEMBLY));
   }
 
   Index owned_ = 0;                  ///< Aggregates of this rank.
