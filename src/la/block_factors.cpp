@@ -458,17 +458,33 @@ class FactorsOf final : public BlockFactors {
     for (std::size_t k = 0; k < border.turns.size(); ++k) take(lanes(at(values, border.turns[k], width)), lanes(at(buffer_, k, width)));
   }
 
-  /// Nodes of some rows of the matrix, those below that have them in their rows of L, those that have these, and all at the border. One step
-  /// down is needed (without it, half as many iterations again, or divergence), and two as good as all.
-  [[nodiscard]] std::vector<Index> turns_near(const std::vector<PetscInt>& rows) const {
+  /// Nodes of some rows of the matrix, those below that have them in their rows of L, and those that have these, whatever ranks they are on.
+  /// One step down is needed (without it, half as many iterations again, or divergence), and two as good as all.
+  [[nodiscard]] std::vector<Index> turns_near(const std::vector<PetscInt>& rows) {
     constexpr Index reach = 2;
-    std::vector<Index> steps(static_cast<std::size_t>(end_), reach + 1), turns;
+    std::vector<PetscInt> steps(static_cast<std::size_t>(end_), reach + 1), message;
+    std::vector<Index> turns;
     for (const PetscInt row : rows) steps[static_cast<std::size_t>(turn_of_[static_cast<std::size_t>(row / b)])] = 0;
-    for (Index i = ghosts_; i < end_; ++i) {
-      Index& mine = steps[static_cast<std::size_t>(i)];
-      for (const Index j : lower_[i]) mine = std::min(mine, steps[static_cast<std::size_t>(j)] + 1);
-      if (mine <= reach || i >= border_) turns.push_back(i);
+    const auto descend = [&](Index first, Index last) {
+      for (Index i = first; i < last; ++i) {
+        PetscInt& mine = steps[static_cast<std::size_t>(i)];
+        for (const Index j : std::as_const(lower_)[i]) mine = std::min(mine, steps[static_cast<std::size_t>(j)] + 1);
+        if (mine <= reach) turns.push_back(i);
+      }
+    };
+    descend(ghosts_, border_);
+    for (const Border& border : before_) {
+      exchange_.receive(border.rank, message);
+      for (std::size_t k = 0; k < message.size(); ++k) steps[static_cast<std::size_t>(border.turns[k])] = message[k];
     }
+    descend(border_, end_);
+    std::vector<std::vector<PetscInt>> messages;
+    for (const Border& border : after_) {
+      std::vector<PetscInt>& its = messages.emplace_back();
+      for (const Index turn : border.turns) its.push_back(steps[static_cast<std::size_t>(turn)]);
+    }
+    for (std::size_t k = 0; k < messages.size(); ++k) exchange_.send(after_[k].rank, messages[k]);
+    exchange_.finish();
     return turns;
   }
 
