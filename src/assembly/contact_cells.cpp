@@ -46,7 +46,7 @@ ContactCells::ContactCells(const mesh::DistributedMesh& mesh, const Layout& layo
   }
   cell_differs_.assign(cells_.size(), 0);
   has_changed_ = cell_differs_;
-  is_stale_.assign(cells_.size(), 1);
+  allocate_condensed();
 }
 
 void ContactCells::add_cell(const mesh::DistributedMesh& mesh, const Layout& layout, spaces::VemCell& vem, const physics::Lame& lame,
@@ -65,18 +65,13 @@ void ContactCells::add_cell(const mesh::DistributedMesh& mesh, const Layout& lay
   if (!is_needed(mesh, layout, vem.cell(), displacements)) return;
 
   const int n_ext = static_cast<int>(external.size()), n_faces = vem.n_bubbles();
-  const std::size_t e = displacements.size(), i = static_cast<std::size_t>(2 * dim_) * n_faces,
-                    k = static_cast<std::size_t>(vem.components());
+  const auto k = static_cast<std::size_t>(vem.components());
   const Index p = size();
   cells_.push_back({vem.cell(), dim_ * vem.n_nodes() + vem.n_normals(), vem.n_nodes(), n_ext, vem.n_normals(), n_faces,
-                    stiffness_.size(), jump_.size(), condensed_.size(), inverse_.size(), m_ei_.size()});
+                    stiffness_.size(), jump_.size(), 0, 0, 0});
   is_contact_cell_[vem.cell()] = 1;
   stiffness_.resize(stiffness_.size() + k * k);
   jump_.resize(jump_.size() + static_cast<std::size_t>(n_faces) * n_ext, 0.0);
-  condensed_.resize(condensed_.size() + e * e);
-  inverse_.resize(inverse_.size() + i * i);
-  m_ei_.resize(m_ei_.size() + e * i);
-  m_ie_.resize(m_ie_.size() + e * i);
   physics::local_stiffness(dim_, vem, lame, gamma, {&stiffness_[cells_[p].stiffness], k * k});
 
   std::vector<Vec3> points, g;
@@ -112,19 +107,26 @@ void ContactCells::add_cell(const mesh::DistributedMesh& mesh, const Layout& lay
 
 void ContactCells::attach_fluid(std::vector<ContactFluid> fluid) {
   fluid_ = std::move(fluid);
-  std::size_t condensed = 0, coupling = 0;
+  allocate_condensed();
+}
+
+void ContactCells::allocate_condensed() {
+  std::size_t condensed = 0, internal = 0, coupling = 0;
   for (Index p = 0; p < size(); ++p) {
     const auto e = static_cast<std::size_t>(block_size(p)), i = static_cast<std::size_t>(2 * dim_) * cells_[p].n_faces;
     cells_[p].condensed = condensed;
+    cells_[p].internal = internal;
     cells_[p].coupling = coupling;
     condensed += e * e;
+    internal += i * i;
     coupling += e * i;
   }
   condensed_.assign(condensed, 0.0);
   symmetric_.clear();
+  inverse_.assign(internal, 0.0);
   m_ei_.assign(coupling, 0.0);
   m_ie_.assign(coupling, 0.0);
-  std::fill(is_stale_.begin(), is_stale_.end(), 1);
+  is_stale_.assign(cells_.size(), 1);
 }
 
 std::span<const double> ContactCells::matrix(const std::vector<double>& pool, Index p) const {

@@ -218,10 +218,9 @@ MechanicsSystem::MechanicsSystem(const mesh::DistributedMesh& mesh, const physic
 
 /// The size of the terms that cancel in a momentum row.
 void MechanicsSystem::keep_bulk_diagonal() {
-  POLYSLIP_PETSC(MatGetDiagonal(matrix_->get(), product_));
-  const la::VecRead diagonal(product_);
-  bulk_diagonal_.resize(static_cast<std::size_t>(layout_.displacement_size()));
-  for (Index i = 0; i < layout_.displacement_size(); ++i) bulk_diagonal_[i] = fixed()[i] ? 0 : diagonal[i];
+  bulk_diagonal_ = matrix_->diagonal();
+  for (Index i = 0; i < layout_.displacement_size(); ++i)
+    if (fixed()[i]) bulk_diagonal_[i] = 0;
 }
 
 template <class Wanted>

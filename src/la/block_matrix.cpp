@@ -105,15 +105,27 @@ void BlockMatrix::end_writing() {
   POLYSLIP_PETSC(MatAssemblyEnd(matrix_, MAT_FINAL_ASSEMBLY));
 }
 
+std::vector<double> BlockMatrix::diagonal() const {
+  std::vector<double> entries;
+  for (Index i = 0; i < owned_; ++i) {
+    const double* entry = diagonal_.entries.data() + place(diagonal_, i, i);
+    for (int a = 0; a < width(i); ++a, entry += diagonal_.row_width[static_cast<std::size_t>(i)] + 1) entries.push_back(*entry);
+  }
+  return entries;
+}
+
+std::size_t BlockMatrix::place(const Part& part, Index row, Index column) {
+  const auto range = part.columns[row];
+  const auto position = std::lower_bound(range.begin(), range.end(), column) - range.begin();
+  assert(position < static_cast<std::ptrdiff_t>(range.size()) && range[static_cast<std::size_t>(position)] == column);
+  return part.start[static_cast<std::size_t>(row)] + part.offset[static_cast<std::size_t>(part.columns.offsets[row] + position)];
+}
+
 BlockMatrix::Slot BlockMatrix::locate(Index row, Index col) const {
   const Part& part = col < owned_ ? diagonal_ : offdiagonal_;
   assert(row < owned_ && part.values != nullptr);
   const Index key = col < owned_ ? col : ghost_position_[col - owned_];
-  const auto range = part.columns[row];
-  const auto position = std::lower_bound(range.begin(), range.end(), key) - range.begin();
-  assert(position < static_cast<std::ptrdiff_t>(range.size()) && range[static_cast<std::size_t>(position)] == key);
-  const Index offset = part.offset[static_cast<std::size_t>(part.columns.offsets[row] + position)];
-  return {part.values + part.start[static_cast<std::size_t>(row)] + offset, part.row_width[static_cast<std::size_t>(row)]};
+  return {part.values + place(part, row, key), part.row_width[static_cast<std::size_t>(row)]};
 }
 
 }  // namespace polyslip::la

@@ -130,6 +130,8 @@ class ContactCells {
   };
   void add_cell(const mesh::DistributedMesh& mesh, const Layout& layout, spaces::VemCell& vem, const physics::Lame& lame, double gamma,
                 std::span<const Index> fracture_of_face);
+  /// Room for the condensed blocks of all cells, which have nothing in them then.
+  void allocate_condensed();
   /// Position in E of the first component of its copy e.
   [[nodiscard]] int position(const Cell& cell, int e) const { return dim_ * e + (e < cell.n_nodes ? 0 : cell.n_normals); }
   [[nodiscard]] std::span<const double> matrix(const std::vector<double>& pool, Index p) const;

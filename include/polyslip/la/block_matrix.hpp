@@ -47,6 +47,9 @@ class BlockMatrix {
     return offdiagonal_.row(row);
   }
 
+  /// Diagonal entries of the owned rows. MatGetDiagonal would look through these for them.
+  [[nodiscard]] std::vector<double> diagonal() const;
+
   /// Makes the values ours to write (get) and PETSc's to use (put); writes go between the two.
   void begin_writing();
   void end_writing();
@@ -72,6 +75,8 @@ class BlockMatrix {
     double* values;
     Index step;  ///< From one row to the next.
   };
+  /// First value of the block of an owned row and a column of its part, which has it.
+  [[nodiscard]] static std::size_t place(const Part& part, Index row, Index column);
   /// Blocks of nodes, nearly all of them: the compiler unrolls what it knows the length of.
   template <int n>
   static void add_square(const Slot& slot, const double* block, int stride) {

@@ -7,6 +7,7 @@
 
 #include "polyslip/common/mpi.hpp"
 #include "polyslip/la/block_matrix.hpp"
+#include "polyslip/la/vec_access.hpp"
 
 namespace polyslip::la {
 namespace {
@@ -140,6 +141,17 @@ TEST_P(block_matrix, rows_can_be_cleared_and_written_again) {
   matrix_.end_writing();
   reference_.finish();
   EXPECT_LT(reference_.distance(matrix_.get()), 1e-15);
+}
+
+TEST_P(block_matrix, gives_the_diagonal_of_the_matrix) {
+  matrix_.begin_writing();
+  add_everywhere(1);
+  matrix_.end_writing();
+  Handle<Vec> diagonal;
+  POLYSLIP_PETSC(MatCreateVecs(matrix_.get(), diagonal.put(), nullptr));
+  POLYSLIP_PETSC(MatGetDiagonal(matrix_.get(), diagonal));
+  const VecRead expected(diagonal);
+  EXPECT_EQ(matrix_.diagonal(), std::vector<double>(expected.data(), expected.data() + components_.owned));
 }
 
 TEST_P(block_matrix, tells_petsc_that_values_changed) {
