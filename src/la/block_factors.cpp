@@ -5,6 +5,7 @@
 #include <Eigen/Cholesky>
 #include <algorithm>
 #include <array>
+#include <bit>
 #include <cstdint>
 #include <cstring>
 #include <limits>
@@ -38,15 +39,15 @@ using Half = Eigen::bfloat16;
 
 /// Vectors of the compilers (GCC's and Clang's), for what Eigen does number by number.
 using Floats [[gnu::vector_size(16)]] = float;
-using Places [[gnu::vector_size(16)]] = std::int32_t;
 using Halves [[gnu::vector_size(16)]] = std::uint16_t;
 
 /// Of the first four of eight numbers.
 Floats floats_of(const Half* values) {
+  static_assert(std::endian::native == std::endian::little, "the lower half of a float is the first one here");
   Halves upper;
   Floats result;
   std::memcpy(&upper, values, sizeof upper);
-  const Halves bits = __builtin_shuffle(Halves{}, upper, Halves{0, 8, 1, 9, 2, 10, 3, 11});
+  const Halves bits = __builtin_shufflevector(Halves{}, upper, 0, 8, 1, 9, 2, 10, 3, 11);
   std::memcpy(&result, &bits, sizeof result);
   return result;
 }
@@ -54,10 +55,10 @@ Floats floats_of(const Half* values) {
 /// The sums of each of four vectors.
 Floats sums_of(const std::array<Floats, 4>& s) {
   const auto pairs = [](const Floats& v, const Floats& w) {
-    return __builtin_shuffle(v, w, Places{0, 4, 1, 5}) + __builtin_shuffle(v, w, Places{2, 6, 3, 7});
+    return __builtin_shufflevector(v, w, 0, 4, 1, 5) + __builtin_shufflevector(v, w, 2, 6, 3, 7);
   };
   const Floats a = pairs(s[0], s[1]), c = pairs(s[2], s[3]);
-  return __builtin_shuffle(a, c, Places{0, 1, 4, 5}) + __builtin_shuffle(a, c, Places{2, 3, 6, 7});
+  return __builtin_shufflevector(a, c, 0, 1, 4, 5) + __builtin_shufflevector(a, c, 2, 3, 6, 7);
 }
 
 /// Blocks of b x b entries, row by row. Nodes have turns: first the ghosts of ranks of lower colours, then the nodes of this rank that none
@@ -73,7 +74,7 @@ class FactorsOf final : public BlockFactors {
     const Numbering numbering = take_turns(matrix, parts, tag);
     find_lower(parts, numbering);
     const auto turns = static_cast<std::size_t>(end_);
-    values_.resize(lower_.values.size() * size + beyond);
+    values_.resize(lower_.values.size() * size + beyond, Half(0));
     inverse_.resize(turns * size + beyond);
     is_damped_.resize(turns, 0);
     forward_.resize(turns * width);
