@@ -29,7 +29,7 @@ struct Data {
   std::unique_ptr<BlockFactors> factors;
   std::optional<std::vector<PetscInt>> changed;  ///< Rows that may differ from those that were factorised in full, if known.
   double largest_eigenvalue = 0;
-  double full_estimate = 0, early_full_estimate = 0;  ///< Of the last full set-up: at last, and after as many iterations as others take.
+  std::vector<double> full_estimates;  ///< Of it, after each iteration, in the last full set-up.
   Values b, x, change, r, z;  ///< Work space.
 };
 
@@ -82,19 +82,23 @@ std::vector<double> largest_ritz_values(Data& data, Mat matrix, const std::optio
   return largest;
 }
 
-/// Beside rows that have changed, noise on these finds what is new in three iterations, sooner than noise everywhere does in five. It grows
-/// the estimate of the last full set-up where that had seen less by then.
+/// A tenth of all rows at most, on all ranks.
+bool are_few(const std::vector<PetscInt>& rows, Mat matrix) {
+  PetscInt all = 0;
+  POLYSLIP_PETSC(MatGetSize(matrix, &all, nullptr));
+  return 10 * mpi::sum(comm_of(matrix), static_cast<long long>(rows.size())) <= all;
+}
+
+/// Noise on rows that have changed finds what is new beside them sooner than noise everywhere does: the estimate of the last full set-up grows
+/// as that of as many iterations has. Where the rows are few three will do, and what is less than a tenth says nothing.
 void estimate_largest_eigenvalue(Data& data, Mat matrix) {
-  constexpr std::size_t few = 3;
-  const PetscInt its = data.changed ? std::min<PetscInt>(few, data.estimate_its) : data.estimate_its;
-  const std::vector<double> values = largest_ritz_values(data, matrix, data.changed, its);
-  const double early = values[std::min(few, values.size()) - 1];
-  if (!data.changed) {
-    data.full_estimate = values.back();
-    data.early_full_estimate = early;
-  }
-  const double growth = early / data.early_full_estimate;
-  data.largest_eigenvalue = data.full_estimate * (growth > 1.1 ? growth : 1);
+  const bool is_beside_few = data.changed && are_few(*data.changed, matrix);
+  const PetscInt its = is_beside_few ? std::min<PetscInt>(3, data.estimate_its) : data.estimate_its;
+  const std::vector<double> estimates = largest_ritz_values(data, matrix, data.changed, its);
+  if (!data.changed) data.full_estimates = estimates;
+  const std::vector<double>& full = data.full_estimates;
+  const double growth = estimates.back() / full[std::min(estimates.size(), full.size()) - 1];
+  data.largest_eigenvalue = full.back() * (growth > (is_beside_few ? 1.1 : 1) ? growth : 1);
 }
 
 /// r = b - A x

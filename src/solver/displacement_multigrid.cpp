@@ -66,7 +66,6 @@ void default_displacement_multigrid(const assembly::MechanicsSystem& system, con
   // Aggregates of twice the reach on the two finest levels take some per cent more iterations, and a tenth less time; in 2D a third more.
   if (system.layout().dim() == 3) la::default_option(p, "pc_gamg_aggressive_coarsening", "2");
   la::default_option(p, "pc_gamg_use_sa_esteig", "false");
-  la::default_option(p, "pc_gamg_esteig_ksp_max_it", "5");  // of its own 10; no more iterations of the solver, or some fewer
   la::default_option(p, "pc_use_amat", "false");  // smoothers take the symmetric matrix, whatever the Krylov method applies
   default_smoother(p + "mg_levels_", smoothing_steps);
 }

@@ -3,8 +3,8 @@
 //
 //   -pc_block_icc_steps 0              0: M^{-1}; n: n steps of Chebyshev's iteration for A x = b with M^{-1}
 //   -pc_block_icc_interval 0.3,1.1     on which that works, relative to the largest eigenvalue of M^{-1} A
-//   -pc_block_icc_estimate_its 5       of conjugate gradients, that estimate this; they find a sixth less than there is. Three from noise on the
-//                                      rows that have changed, where those are known, as all is known of the others
+//   -pc_block_icc_estimate_its 5       of conjugate gradients, that estimate this; they find a sixth less than there is. Where it is known
+//                                      which rows have changed, from noise on these, and three if they are few
 //
 // Under KSPRICHARDSON the steps start from what x is. They take half the time that KSPCHEBYSHEV takes with PETSc's products, as nothing
 // leaves the order of elimination and single precision between them: a smoother is there to take the worst out of an error, and what it loses
