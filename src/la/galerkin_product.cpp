@@ -250,8 +250,8 @@ class ProductWithP : public Product {
     return rows;
   }
 
-  /// The product with all entries zero; its rows of blocks of r x c entries. PETSc takes the pattern of each part as it is, but that of a
-  /// MATMPIAIJ entry by entry.
+  /// The product with all entries zero; its rows of blocks of r x c entries. Part by part: MatMPIAIJSetPreallocationCSR takes longer, as it looks
+  /// for the place of each entry.
   template <int r>
   void preallocate(Mat p, const Csr& rows, Index count, Mat product) const {
     MatType type = nullptr;

@@ -7,7 +7,7 @@
 //
 // the factorisation without fill of Meijerink and van der Vorst (Math. Comp. 31, 1977). It differs from PETSc's on each rank (PCBJACOBI with
 // PCICC) in three things. L is kept in half precision (bfloat16: 8 bits and the exponents of floats), D in single: a quarter of the memory, and
-// of what an application moves, which bounds its time. A few thousandths are little beside what the pattern leaves out, and M stays symmetric
+// of what an application moves. A few thousandths are little beside what the pattern leaves out, and M stays symmetric
 // and positive definite: it takes the same iterations (within one in a hundred) as with L in single precision. The factorisation does not end
 // where a rank's rows do: all ranks eliminate the nodes within at once, then those at borders, on one rank after the other by colours (ranks
 // side by side have different ones, two ranks two). So it takes nearly the same iterations on any number of ranks; the price is that a rank
