@@ -55,7 +55,7 @@ void stiffness(const spaces::VemCell& cell, const Lame& lame, double gamma, std:
   for (int j = 0; j < m; ++j) {
     const VecD cj = c[j].template head<dim>();
     const VecD inertia_cj = inertia * cj, lambda_cj = volume * lame.lambda * cj, mu_cj = volume * lame.mu * cj;
-    // All of a row from the same products: mirrored halves lose half the digits of linear fields on slivers.
+    // All of a row from the same products: mirrored halves lose half the digits of linear fields on slivers, where the assembly keeps both.
     for (int k = 0; k < m; ++k) {
       const VecD ck = c[k].template head<dim>();
       double p = inertia_cj.dot(ck);

@@ -16,6 +16,7 @@
 #include "polyslip/assembly/loads.hpp"
 #include "polyslip/la/block_matrix.hpp"
 #include "polyslip/la/kernel_log.hpp"
+#include "polyslip/la/block_product.hpp"
 #include "polyslip/physics/problem.hpp"
 
 namespace polyslip::assembly {
@@ -120,8 +121,8 @@ class MechanicsSystem {
   /// Whether the exact condensed operator is P itself (otherwise friction makes them differ).
   [[nodiscard]] bool matrix_is_exact() const { return matrix_is_exact_; }
   [[nodiscard]] bool is_symmetric() const { return symmetric_everywhere_; }
-  /// y = (P + sum_K (C_K - C_K^sym)) x
-  virtual void apply_condensed(Vec x, Vec y) const;
+  /// y = (A + sum_K C_K) x
+  virtual void apply_condensed(Vec x, Vec y) const { apply(MatrixContent::exact, x, y); }
   /// Right-hand side of the condensed system for the residual f.
   virtual void condense_residual(Vec f, Vec displacement) const;
   /// All components of the Newton direction from its displacements.
@@ -136,6 +137,9 @@ class MechanicsSystem {
   virtual void gather(Vec x, MechanicalState& state) const { layout_.gather(x, state); }
   virtual void scatter(const MechanicalState& state, Vec x) const { layout_.scatter(state, x); }
   [[nodiscard]] ContactCells& cells() { return cells_; }
+  /// y = P x with this content, for all local displacements (x, ghosts last) and the owned ones (y). P itself is not touched.
+  void multiply(std::span<const double> x, MatrixContent content, std::span<double> y) const;
+  void apply(MatrixContent content, Vec x, Vec y) const;
   [[nodiscard]] bool is_ours(std::span<const Index> displacements) const;  ///< Whether this rank owns one of them.
   [[nodiscard]] MatrixContent content() const { return content_; }
 
@@ -155,8 +159,6 @@ class MechanicsSystem {
   }
   [[nodiscard]] physics::ContactPoint point(Index face, const MechanicalState& state) const;
   void momentum_rows(Vec y, std::span<const double> fracture_pressure, Vec r) const;
-  void add_bulk(Vec free, std::span<double> rows) const;
-  void add_blocks(std::span<const double> x, std::span<double> y, bool difference_only, double sign) const;
 
   const mesh::DistributedMesh& mesh_;
   const physics::MechanicsProblem& problem_;
@@ -165,6 +167,8 @@ class MechanicsSystem {
   ContactCells cells_;
   LoadAssembler load_assembler_;
   std::unique_ptr<la::BlockMatrix> matrix_;
+  std::unique_ptr<la::BlockProduct> bulk_;  ///< A x
+  const std::function<void(Vec, Vec)> product_ = [this](Vec x, Vec y) { apply(content_, x, y); };
   la::KernelLog kernels_{"rock"};
   la::Handle<IS> nodal_field_, normal_field_;
   std::vector<Index> contact_rows_;  ///< Owned entities whose rows + cells touch.
@@ -184,7 +188,6 @@ class MechanicsSystem {
   std::vector<physics::ContactLinearisation> law_;
 
   mutable MechanicalState work_, work2_;
-  la::Handle<Vec> free_in_, product_;
 };
 
 }  // namespace polyslip::assembly

@@ -50,12 +50,41 @@ class BlockMatrix {
   /// Diagonal entries of the owned rows. MatGetDiagonal would look through these for them.
   [[nodiscard]] std::vector<double> diagonal() const;
 
+  /// A block of a row.
+  struct Block {
+    Index column;          ///< Local entity.
+    const double* values;  ///< Its entry (0, 0).
+    Index step;            ///< From one row to the next.
+  };
+  /// Calls visit(row, its blocks) for the owned entities in their order; columns of this rank come first, and ascend.
+  template <class Visit>
+  void visit_rows(Visit&& visit) const {
+    std::vector<Index> ghost_at(ghost_position_.size());
+    for (Index ghost = 0; ghost < local() - owned_; ++ghost) ghost_at[static_cast<std::size_t>(ghost_position_[ghost])] = ghost;
+    std::vector<Block> blocks;
+    for (Index row = 0; row < owned_; ++row) {
+      blocks.clear();
+      for (const Part* part : {&diagonal_, &offdiagonal_}) {
+        const double* values = part->entries.data() + part->start[static_cast<std::size_t>(row)];
+        for (Index k = part->columns.offsets[row]; k < part->columns.offsets[row + 1]; ++k) {
+          const Index column = part->columns.values[static_cast<std::size_t>(k)];
+          blocks.push_back({part == &diagonal_ ? column : owned_ + ghost_at[static_cast<std::size_t>(column)],
+                            values + part->offset[static_cast<std::size_t>(k)], part->row_width[static_cast<std::size_t>(row)]});
+        }
+      }
+      visit(row, std::span<const Block>(blocks));
+    }
+  }
+
   /// Makes the values ours to write (get) and PETSc's to use (put); writes go between the two.
   void begin_writing();
   void end_writing();
 
   [[nodiscard]] Mat get() const { return matrix_; }
   [[nodiscard]] Index owned() const { return owned_; }
+  [[nodiscard]] Index local() const { return owned_ + static_cast<Index>(ghost_position_.size()); }  ///< Entities, ghosts included.
+  /// Components of every entity; 0 where they differ.
+  [[nodiscard]] int common_width() const { return widths_.empty() ? block_ : 0; }
 
  private:
   /// The columns of this rank, or the others.

@@ -53,6 +53,12 @@ class VemCell {
   [[nodiscard]] double diameter() const { return diameter_; }  ///< h_K [m]
   [[nodiscard]] const Vec3& xbar() const { return xbar_; }     ///< Average of the nodes [m].
   [[nodiscard]] std::span<const Vec3> c() const { return c_; }            ///< Gradient weights [1/m], one a local unknown.
+  /// h_K max |c_j|: about h_K over the smallest height of the cell.
+  [[nodiscard]] double flatness() const {
+    double largest = 0;
+    for (const Vec3& c : c_) largest = std::max(largest, c.squaredNorm());
+    return diameter_ * std::sqrt(largest);
+  }
   [[nodiscard]] std::span<const Vec3> offsets() const { return offsets_; }  ///< x_s - xbar [m], one a node.
   [[nodiscard]] std::span<const Index> bubble_faces() const { return bubble_faces_; }  ///< Mesh faces.
   [[nodiscard]] std::span<const Index> normal_faces() const { return normal_faces_; }  ///< Mesh faces.

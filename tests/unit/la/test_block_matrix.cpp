@@ -2,11 +2,16 @@
 #include <petsc/private/petscimpl.h>  // PetscObjectStateGet
 
 #include <algorithm>
+#include <array>
+#include <cmath>
+#include <functional>
+#include <memory>
 #include <numeric>
 #include <random>
 
 #include "polyslip/common/mpi.hpp"
 #include "polyslip/la/block_matrix.hpp"
+#include "polyslip/la/block_product.hpp"
 #include "polyslip/la/vec_access.hpp"
 
 namespace polyslip::la {
@@ -171,6 +176,49 @@ TEST_P(block_matrix, has_the_block_size_that_multigrid_needs) {
     POLYSLIP_PETSC(MatGetBlockSize(matrix, &size));
     EXPECT_EQ(size, block_ > 0 ? block_ : 1);
   }
+}
+
+TEST_P(block_matrix, is_multiplied_whole_or_by_its_lower_half) {
+  const auto entry = [](GlobalIndex i, GlobalIndex j) { return std::sin(1.0 + 3.0 * i + 7.0 * j); };
+  const auto x = [](GlobalIndex i) { return std::cos(2.0 * i); };
+  std::vector<double> whole(static_cast<std::size_t>(components_.owned)), by_halves(whole), found(whole.size(), 1e9), local;
+  const auto row_of = [&](std::vector<double>& y, GlobalIndex i) -> double& { return y[static_cast<std::size_t>(i - components_.first_owned)]; };
+  std::array<double, 9> block{};
+  matrix_.begin_writing();
+  for (Index row = 0; row < graph_.owned; ++row)
+    for (Index col : graph_.graph[row]) {
+      const int columns = components_.widths[col];
+      for (int a = 0; a < components_.widths[row]; ++a)
+        for (int b = 0; b < columns; ++b) {
+          const GlobalIndex i = components_.first[row] + a, j = components_.first[col] + b;
+          block[static_cast<std::size_t>(columns * a + b)] = entry(i, j);
+          row_of(whole, i) += entry(i, j) * x(j);
+          const bool is_lower = block_ > 0 ? col < row : j < i, is_upper = block_ > 0 ? col > row : j > i;  // of unlike entities by components
+          if (col >= graph_.owned || !is_upper) row_of(by_halves, i) += entry(i, j) * x(j);
+          if (col < graph_.owned && is_lower) row_of(by_halves, j) += entry(i, j) * x(i);
+        }
+      matrix_.add(row, col, block.data(), columns);
+    }
+  matrix_.end_writing();
+  for (Index i = 0; i < graph_.local(); ++i)
+    for (int a = 0; a < components_.widths[i]; ++a) local.push_back(x(components_.first[i] + a));
+  for (const auto& [halves, expected] : {std::pair(false, whole), std::pair(true, by_halves)}) {
+    const std::unique_ptr<BlockProduct> product = block_product(matrix_, halves);
+    for (int times = 0; times < 2; ++times) product->multiply(local, found);
+    for (std::size_t i = 0; i < expected.size(); ++i) EXPECT_NEAR(found[i], expected[i], 1e-12) << halves << " " << i;
+  }
+}
+
+TEST_P(block_matrix, lets_others_multiply) {
+  const std::function<void(Vec, Vec)> twice = [](Vec x, Vec y) { POLYSLIP_PETSC(VecAXPBY(y, 2, 0, x)); };
+  replace_product(matrix_.get(), twice);
+  Handle<Vec> x, y;
+  POLYSLIP_PETSC(MatCreateVecs(matrix_.get(), x.put(), y.put()));
+  POLYSLIP_PETSC(VecSet(x, 3));
+  POLYSLIP_PETSC(MatMult(matrix_.get(), x, y));
+  PetscReal largest = 0;
+  POLYSLIP_PETSC(VecNorm(y, NORM_INFINITY, &largest));
+  EXPECT_EQ(largest, 6);
 }
 
 INSTANTIATE_TEST_SUITE_P(blocks, block_matrix, testing::Values(1, 2, 3, -2, -3));
