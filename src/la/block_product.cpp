@@ -3,6 +3,7 @@
 #include <Eigen/Core>
 #include <algorithm>
 #include <array>
+#include <memory>
 #include <utility>
 #include <vector>
 
@@ -41,20 +42,11 @@ class ProductOf final : public BlockProduct {
     };
     std::size_t rows = 0;
     visit([](Part& part, Index, const double*, Index) { ++part.count; }, [&] { ++rows; });
-    for (Part* part : {&lower_, &diagonal_, &whole_}) {
-      part->columns.offsets.reserve(rows + 1);
-      part->columns.values.reserve(part->count);
-      part->values.reserve(part->count * size + beyond);
-    }
-    visit(
-        [](Part& part, Index column, const double* block, Index step) {
-          part.columns.values.push_back(column);
-          for (int r = 0; r < b; ++r) part.values.insert(part.values.end(), block + r * step, block + r * step + b);
-        },
-        [&] {
-          for (Part* part : {&lower_, &diagonal_, &whole_}) part->columns.offsets.push_back(static_cast<Index>(part->columns.values.size()));
-        });
-    for (Part* part : {&lower_, &diagonal_, &whole_}) part->values.resize(part->values.size() + beyond);
+    for (Part* part : {&lower_, &diagonal_, &whole_}) part->allocate(rows);
+    visit([](Part& part, Index column, const double* block, Index step) { part.append(column, block, step); },
+          [&] {
+            for (Part* part : {&lower_, &diagonal_, &whole_}) part->end_row();
+          });
   }
 
   void multiply(std::span<const double> x, std::span<double> y) override {
@@ -74,8 +66,26 @@ class ProductOf final : public BlockProduct {
   /// Of the blocks.
   struct Part {
     Csr columns;  ///< Nodes.
-    std::vector<double> values;
+    std::unique_ptr<double[]> values;
     std::size_t count = 0;
+
+    void allocate(std::size_t rows) {
+      columns.offsets.reserve(rows + 1);
+      columns.values.resize(count);
+      values = std::make_unique_for_overwrite<double[]>(count * size + beyond);  // written once, below: zeros before would take as long
+      std::fill_n(values.get() + count * size, beyond, 0.0);
+      next_value_ = values.get();
+      next_column_ = columns.values.data();
+    }
+    void append(Index column, const double* block, Index step) {
+      *next_column_++ = column;
+      for (int r = 0; r < b; ++r, next_value_ += b) std::copy_n(block + r * step, b, next_value_);
+    }
+    void end_row() { columns.offsets.push_back(static_cast<Index>(next_column_ - columns.values.data())); }
+
+   private:
+    double* next_value_ = nullptr;
+    Index* next_column_ = nullptr;
   };
 
   /// Of each local entity in numbers of nodes, and behind the owned ones that of the first ghost or the end.
@@ -108,9 +118,9 @@ class ProductOf final : public BlockProduct {
     const double* const x = x_.data();
     double* const y = y_.data();
     Sums sums;
-    sums.add(diagonal_.values.data() + static_cast<std::size_t>(i) * size, node(x, i));
+    sums.add(diagonal_.values.get() + static_cast<std::size_t>(i) * size, node(x, i));
     const Lanes x_i = lanes(node(x, i));
-    const double* block = lower_.values.data() + static_cast<std::size_t>(lower_.columns.offsets[i]) * size;
+    const double* block = lower_.values.get() + static_cast<std::size_t>(lower_.columns.offsets[i]) * size;
     for (const Index j : std::as_const(lower_.columns)[i]) {
       sums.add(block, node(x, j));
       Lanes transposed = lanes(block) * x_i[0];
@@ -118,7 +128,7 @@ class ProductOf final : public BlockProduct {
       lanes(node(y, j)) += transposed;
       block += size;
     }
-    block = whole_.values.data() + static_cast<std::size_t>(whole_.columns.offsets[i]) * size;
+    block = whole_.values.get() + static_cast<std::size_t>(whole_.columns.offsets[i]) * size;
     for (const Index j : std::as_const(whole_.columns)[i]) {
       sums.add(block, node(x, j));
       block += size;

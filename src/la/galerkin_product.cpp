@@ -13,6 +13,7 @@
 
 #include "polyslip/common/mpi.hpp"
 #include "polyslip/common/types.hpp"
+#include "polyslip/la/aggregation_graph.hpp"
 #include "polyslip/la/aij_parts.hpp"
 #include "polyslip/la/rank_order.hpp"
 
@@ -250,8 +251,7 @@ class ProductWithP : public Product {
     return rows;
   }
 
-  /// The product with all entries zero; its rows of blocks of r x c entries. Part by part: MatMPIAIJSetPreallocationCSR takes longer, as it looks
-  /// for the place of each entry.
+  /// The product with all entries zero; its rows of blocks of r x c entries.
   template <int r>
   void preallocate(Mat p, const Csr& rows, Index count, Mat product) const {
     MatType type = nullptr;
@@ -261,28 +261,24 @@ class ProductWithP : public Product {
     POLYSLIP_PETSC(MatSetSizes(product, count * r, owned_ * c, PETSC_DETERMINE, total));
     POLYSLIP_PETSC(MatSetType(product, type));
     POLYSLIP_PETSC(MatSetBlockSizes(product, r, c));
-    POLYSLIP_PETSC(MatMPIAIJSetPreallocation(product, 0, nullptr, 0, nullptr));
-    const AijParts parts(product);
-    const auto give = [&](Mat part, auto&& is_in_it, auto&& number) {
-      std::vector<PetscInt> offsets{0}, columns, of_row;
-      offsets.reserve(static_cast<std::size_t>(count * r) + 1);
-      columns.reserve(static_cast<std::size_t>(rows.offsets[count]) * r * c);
+    const auto pattern = [&](auto&& is_in_it, auto&& number) {
+      AijEntries entries;
+      std::vector<PetscInt> of_row;
+      entries.offsets.reserve(static_cast<std::size_t>(count * r) + 1);
+      entries.columns.reserve(static_cast<std::size_t>(rows.offsets[count]) * r * c);
       for (Index row = 0; row < count; ++row) {
         of_row.clear();
         for (Index column : rows[row])
           for (int j = 0; is_in_it(column) && j < c; ++j) of_row.push_back(number(column) * c + j);
         for (int i = 0; i < r; ++i) {
-          columns.insert(columns.end(), of_row.begin(), of_row.end());
-          offsets.push_back(static_cast<PetscInt>(columns.size()));
+          entries.columns.insert(entries.columns.end(), of_row.begin(), of_row.end());
+          entries.offsets.push_back(static_cast<PetscInt>(entries.columns.size()));
         }
       }
-      POLYSLIP_PETSC(MatSeqAIJSetPreallocationCSR(part, offsets.data(), columns.data(), nullptr));
+      return entries;
     };
-    give(parts.own, [&](Index column) { return column < owned_; }, [](Index column) { return column; });
-    if (parts.others != nullptr)
-      give(parts.others, [&](Index column) { return column >= owned_; }, [&](Index column) { return global(column); });
-    POLYSLIP_PETSC(MatAssemblyBegin(product, MAT_FINAL_ASSEMBLY));
-    POLYSLIP_PETSC(MatAssemblyEnd(product, MAT_FINAL_ASSEMBLY));
+    assemble_by_parts(product, pattern([&](Index column) { return column < owned_; }, [](Index column) { return column; }),
+                      pattern([&](Index column) { return column >= owned_; }, [&](Index column) { return global(column); }));
   }
 
   Index owned_ = 0;                  ///< Aggregates of this rank.
@@ -567,6 +563,33 @@ PetscErrorCode destroy(void* data) {
   PetscFunctionReturn(0);
 }
 
+/// Y += a X where Y has an entry for each of X. PETSc's looks for the place of each, and makes a new Y of it on several ranks.
+PetscErrorCode add_subset(Mat y, PetscScalar a, Mat x, MatStructure structure) {
+  PetscFunctionBeginUser;
+  if (structure != SUBSET_NONZERO_PATTERN) {
+    PetscCall((*x->ops->axpy)(y, a, x, structure));
+    PetscFunctionReturn(0);
+  }
+  const AijParts to(y), from(x);
+  const auto add = [&](Mat to_part, Mat from_part, auto&& to_number, auto&& from_number) {
+    const AijRows rows(to_part), added(from_part);
+    const AijValues values(to_part);
+    for (PetscInt row = 0; row < rows.rows(); ++row) {
+      PetscInt place = rows.offsets()[row];
+      added.visit(row, 1, [&](PetscInt, PetscInt column, PetscScalar value) {
+        while (to_number(rows.columns()[place]) < from_number(column)) ++place;
+        values.data()[place] += a * value;
+      });
+    }
+  };
+  const auto local = [](PetscInt column) { return column; };
+  PetscCallCXX(add(to.own, from.own, local, local));
+  if (to.others != nullptr)
+    PetscCallCXX(add(to.others, from.others, [&](PetscInt k) { return to.global[k]; }, [&](PetscInt k) { return from.global[k]; }));
+  PetscCall(PetscObjectStateIncrease(reinterpret_cast<PetscObject>(y)));
+  PetscFunctionReturn(0);
+}
+
 PetscErrorCode multiply(Mat product) {
   PetscFunctionBeginUser;
   PetscCallCXX(static_cast<Product*>(product->product->data)->multiply(product->product->A, product->product->B, product));
@@ -582,7 +605,12 @@ PetscErrorCode find_pattern(Mat product) {
   its.data = by_blocks.release();
   its.destroy = destroy;
   product->ops->productnumeric = multiply;  // the type of the matrix, set just now, has its own
-  if (its.type == MATPRODUCT_PtAP) PetscCallCXX(form_galerkin_products_by_blocks(product));
+  if (its.type == MATPRODUCT_AB) {
+    product->ops->axpy = add_subset;  // of P itself, for a smoothed one
+  } else {
+    PetscCallCXX(form_galerkin_products_by_blocks(product));
+    PetscCallCXX(form_graphs_by_blocks(product));
+  }
   PetscFunctionReturn(0);
 }
 

@@ -3,6 +3,7 @@
 #include <algorithm>
 
 #include "polyslip/common/mpi.hpp"
+#include "polyslip/la/aggregation_graph.hpp"
 #include "polyslip/la/field_split.hpp"
 #include "polyslip/la/galerkin_product.hpp"
 #include "polyslip/la/incomplete_cholesky.hpp"
@@ -85,6 +86,7 @@ bool DisplacementHierarchy::has_one(PC pc) {
 void DisplacementHierarchy::set_up(KSP ksp) {
   PC pc = nullptr;
   POLYSLIP_PETSC(KSPGetPC(ksp, &pc));
+  la::form_graphs_by_blocks(system_.matrix());
   la::form_galerkin_products_by_blocks(system_.matrix());
   changes_.reset();
   if (system_.fracture_faces() == 0 || !has_one(pc)) {

@@ -1,5 +1,7 @@
-// Read access to the local matrices that a MATAIJ consists of.
+// Access to the local matrices that a MATAIJ consists of.
 #pragma once
+
+#include <vector>
 
 #include "polyslip/la/handle.hpp"
 
@@ -67,5 +69,26 @@ struct AijParts {
     if (is_parallel) POLYSLIP_PETSC(MatMPIAIJGetSeqAIJ(matrix, &own, &others, &global));
   }
 };
+
+/// A local matrix by compressed rows, of ascending columns.
+struct AijEntries {
+  std::vector<PetscInt> offsets{0}, columns;
+  std::vector<PetscScalar> values;  ///< Zeros where empty.
+};
+
+/// Gives a MATAIJ with its type and sizes all its entries: those in columns of this rank by local numbers, and the others by numbers over all
+/// ranks (not read on one rank). Part by part: MatMPIAIJSetPreallocationCSR takes longer, as it looks for the place of each entry. Collective.
+inline void assemble_by_parts(Mat matrix, const AijEntries& own, const AijEntries& others) {
+  POLYSLIP_PETSC(MatMPIAIJSetPreallocation(matrix, 0, nullptr, 0, nullptr));
+  const AijParts parts(matrix);
+  const auto give = [](Mat part, const AijEntries& entries) {
+    const PetscScalar* values = entries.values.empty() ? nullptr : entries.values.data();
+    POLYSLIP_PETSC(MatSeqAIJSetPreallocationCSR(part, entries.offsets.data(), entries.columns.data(), values));
+  };
+  give(parts.own, own);
+  if (parts.others != nullptr) give(parts.others, others);
+  POLYSLIP_PETSC(MatAssemblyBegin(matrix, MAT_FINAL_ASSEMBLY));
+  POLYSLIP_PETSC(MatAssemblyEnd(matrix, MAT_FINAL_ASSEMBLY));
+}
 
 }  // namespace polyslip::la

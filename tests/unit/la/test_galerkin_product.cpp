@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "polyslip/common/mpi.hpp"
+#include "polyslip/la/aggregation_graph.hpp"
 #include "polyslip/la/galerkin_product.hpp"
 
 namespace polyslip {
@@ -121,6 +122,18 @@ TEST_P(galerkin_product, of_the_left_factor_alone_is_that_of_petsc) {
   EXPECT_EQ(entries(product), entries(expected));
 }
 
+TEST_P(galerkin_product, of_the_left_factor_alone_takes_up_a_subset) {
+  const la::Handle<Mat> prolongation = p(0.1);
+  const la::Handle<Mat> few = blocks(b, c, nodes, aggregates, [&](PetscInt i) {
+    return i == 5 ? std::vector<PetscInt>() : std::vector<PetscInt>{(i / 5 + 1) % all_aggregates};
+  }, 0.7);
+  const la::Handle<Mat> expected = left(a(0.3), prolongation), product = by_blocks(left, a(0.3), prolongation);
+  for (Mat sum : {expected.get(), product.get()}) POLYSLIP_PETSC(MatAXPY(sum, -0.4, few, SUBSET_NONZERO_PATTERN));
+  EXPECT_LT(distance(expected, product), 1e-14);
+  for (Mat sum : {expected.get(), product.get()}) POLYSLIP_PETSC(MatAXPY(sum, 0.3, prolongation, DIFFERENT_NONZERO_PATTERN));
+  EXPECT_LT(distance(expected, product), 1e-14);
+}
+
 TEST_P(galerkin_product, is_left_to_petsc_where_a_block_is_not_whole) {
   const auto add_entry = [&](Mat matrix) { POLYSLIP_PETSC(MatSetValue(matrix, 0, 20 * b + 1, 1, INSERT_VALUES)); };
   const auto add_rows = [&](Mat matrix) {  // the first of a node in a column of blocks, the others in the next one
@@ -145,6 +158,24 @@ TEST_P(galerkin_product, is_left_to_petsc_by_option) {
   const la::Handle<Mat> product = by_blocks(galerkin, a(0.3), p(0.1));
   POLYSLIP_PETSC(PetscOptionsClearValue(nullptr, "-galerkin_by_blocks"));
   EXPECT_FALSE(la::forms_galerkin_products_by_blocks(product));
+}
+
+TEST_P(galerkin_product, begins_with_the_graph_of_petsc) {
+  la::Handle<Mat> symmetric = a(0.3), transposed;
+  POLYSLIP_PETSC(MatTranspose(symmetric, MAT_INITIAL_MATRIX, transposed.put()));
+  POLYSLIP_PETSC(MatAXPY(symmetric, 1, transposed, DIFFERENT_NONZERO_PATTERN));
+  for (const PetscBool scaled : {PETSC_FALSE, PETSC_TRUE})
+    for (const double threshold : {-1.0, 0.8}) {
+      la::Handle<Mat> matrix, expected, graph;
+      POLYSLIP_PETSC(MatDuplicate(symmetric, MAT_COPY_VALUES, matrix.put()));
+      la::form_graphs_by_blocks(matrix);
+      POLYSLIP_PETSC(MatCreateGraph(symmetric, PETSC_FALSE, scaled, threshold, expected.put()));
+      POLYSLIP_PETSC(MatCreateGraph(matrix, PETSC_FALSE, scaled, threshold, graph.put()));
+      EXPECT_LT(distance(expected, graph), 1e-15);
+      EXPECT_EQ(entries(graph), entries(expected)) << scaled << " " << threshold;
+      const bool leaves_out = scaled == PETSC_TRUE && threshold >= 0;
+      EXPECT_TRUE(!leaves_out || entries(graph) < entries(symmetric) / (b * b));
+    }
 }
 
 INSTANTIATE_TEST_SUITE_P(blocks, galerkin_product, testing::Values(std::array<PetscInt, 2>{2, 3}, std::array<PetscInt, 2>{3, 3},

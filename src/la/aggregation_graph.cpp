@@ -1,0 +1,137 @@
+#include "polyslip/la/aggregation_graph.hpp"
+
+#include <petsc/private/matimpl.h>  // a method of a matrix of one's own
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <vector>
+
+#include "polyslip/la/aij_parts.hpp"
+#include "polyslip/la/vec_access.hpp"
+
+namespace polyslip::la {
+
+namespace {
+
+/// The sums of the blocks of a local matrix.
+template <int b>
+AijEntries sums_of_blocks(Mat matrix) {
+  const AijRows rows(matrix);
+  AijEntries sums;
+  const auto blocks = static_cast<std::size_t>(rows.offsets()[rows.rows()] / (b * b));
+  sums.offsets.reserve(static_cast<std::size_t>(rows.rows() / b) + 1);
+  sums.columns.reserve(blocks);
+  sums.values.reserve(blocks);
+  for (PetscInt row = 0; row < rows.rows(); row += b) {
+    const PetscInt first = rows.offsets()[row], width = rows.offsets()[row + 1] - first;
+    for (PetscInt k = first; k < first + width; k += b) {
+      PetscScalar sum = 0;
+      for (int i = 0; i < b; ++i)
+        for (int j = 0; j < b; ++j) sum += std::abs(rows.values()[k + i * width + j]);
+      sums.columns.push_back(rows.columns()[k] / b);
+      sums.values.push_back(sum);
+    }
+    sums.offsets.push_back(static_cast<PetscInt>(sums.columns.size()));
+  }
+  return sums;
+}
+
+/// 1/sqrt(G_II) of the rows of this rank, and of the nodes that columns of others belong to.
+std::array<std::vector<double>, 2> scales(MPI_Comm comm, const AijEntries& own, const std::vector<PetscInt>& ghosts) {
+  const auto rows = static_cast<PetscInt>(own.offsets.size()) - 1;
+  Handle<Vec> scale, of_ghosts;
+  POLYSLIP_PETSC(VecCreateMPI(comm, rows, PETSC_DETERMINE, scale.put()));
+  {
+    const VecWrite values(scale);
+    for (PetscInt row = 0; row < rows; ++row) {
+      const auto first = own.columns.begin() + own.offsets[static_cast<std::size_t>(row)];
+      const auto last = own.columns.begin() + own.offsets[static_cast<std::size_t>(row) + 1];
+      const auto at = std::lower_bound(first, last, row);
+      const double diagonal = at != last && *at == row ? own.values[static_cast<std::size_t>(at - own.columns.begin())] : 0;
+      values[row] = diagonal > 0 ? 1 / std::sqrt(diagonal) : 0;
+    }
+  }
+  POLYSLIP_PETSC(VecCreateSeq(PETSC_COMM_SELF, static_cast<PetscInt>(ghosts.size()), of_ghosts.put()));
+  Handle<IS> from;
+  VecScatter scatter = nullptr;
+  POLYSLIP_PETSC(ISCreateGeneral(comm, static_cast<PetscInt>(ghosts.size()), ghosts.data(), PETSC_COPY_VALUES, from.put()));
+  POLYSLIP_PETSC(VecScatterCreate(scale, from, of_ghosts, nullptr, &scatter));
+  POLYSLIP_PETSC(VecScatterBegin(scatter, scale, of_ghosts, INSERT_VALUES, SCATTER_FORWARD));
+  POLYSLIP_PETSC(VecScatterEnd(scatter, scale, of_ghosts, INSERT_VALUES, SCATTER_FORWARD));
+  POLYSLIP_PETSC(VecScatterDestroy(&scatter));
+  const VecRead here(scale), there(of_ghosts);
+  return {std::vector<double>(here.data(), here.data() + rows), std::vector<double>(there.data(), there.data() + ghosts.size())};
+}
+
+/// Keeps the entries above a threshold.
+void filter(AijEntries& entries, double threshold) {
+  std::size_t kept = 0;
+  PetscInt begin = 0;
+  for (std::size_t row = 1; row < entries.offsets.size(); ++row) {
+    const PetscInt end = entries.offsets[row];
+    for (auto k = static_cast<std::size_t>(begin); k < static_cast<std::size_t>(end); ++k) {
+      if (!(entries.values[k] > threshold)) continue;
+      entries.columns[kept] = entries.columns[k];
+      entries.values[kept++] = entries.values[k];
+    }
+    begin = end;
+    entries.offsets[row] = static_cast<PetscInt>(kept);
+  }
+  entries.columns.resize(kept);
+  entries.values.resize(kept);
+}
+
+template <int b>
+void assemble_graph(Mat matrix, bool is_scaled, double threshold, Mat graph) {
+  const AijParts parts(matrix);
+  AijEntries own = sums_of_blocks<b>(parts.own), others;
+  std::vector<PetscInt> ghosts;  // by the columns of others
+  if (parts.others != nullptr) {
+    PetscInt columns = 0;
+    others = sums_of_blocks<b>(parts.others);
+    POLYSLIP_PETSC(MatGetSize(parts.others, nullptr, &columns));
+    for (PetscInt k = 0; k < columns; k += b) ghosts.push_back(parts.global[k] / b);
+  }
+  if (is_scaled) {
+    const auto [scale, of_ghosts] = scales(comm_of(matrix), own, ghosts);
+    const auto apply = [&rows = scale](AijEntries& entries, const std::vector<double>& columns) {
+      for (std::size_t row = 0; row + 1 < entries.offsets.size(); ++row)
+        for (auto k = static_cast<std::size_t>(entries.offsets[row]); k < static_cast<std::size_t>(entries.offsets[row + 1]); ++k)
+          entries.values[k] = entries.values[k] * rows[row] * columns[static_cast<std::size_t>(entries.columns[k])];
+    };
+    apply(own, scale);
+    apply(others, of_ghosts);
+  }
+  for (PetscInt& column : others.columns) column = ghosts[static_cast<std::size_t>(column)];
+  if (threshold >= 0)
+    for (AijEntries* entries : {&own, &others}) filter(*entries, threshold);
+  assemble_by_parts(graph, own, others);
+}
+
+template <int b>
+PetscErrorCode create_graph(Mat matrix, PetscBool, PetscBool is_scaled, PetscReal threshold, Mat* graph) {
+  PetscFunctionBeginUser;
+  MatType type = nullptr;
+  PetscInt rows = 0;
+  PetscCall(MatGetLocalSize(matrix, &rows, nullptr));
+  PetscCall(MatGetType(matrix, &type));
+  PetscCall(MatCreate(comm_of(matrix), graph));
+  PetscCall(MatSetSizes(*graph, rows / b, rows / b, PETSC_DETERMINE, PETSC_DETERMINE));
+  PetscCall(MatSetType(*graph, type));
+  PetscCallCXX(assemble_graph<b>(matrix, is_scaled == PETSC_TRUE, threshold, *graph));
+  PetscCall(MatSetOption(*graph, MAT_SYMMETRIC, PETSC_TRUE));
+  PetscFunctionReturn(0);
+}
+
+}  // namespace
+
+void form_graphs_by_blocks(Mat matrix) {
+  PetscInt b = 0;
+  POLYSLIP_PETSC(MatGetBlockSize(matrix, &b));
+  if (b == 2) matrix->ops->creategraph = create_graph<2>;
+  if (b == 3) matrix->ops->creategraph = create_graph<3>;
+  if (b == 6) matrix->ops->creategraph = create_graph<6>;
+}
+
+}  // namespace polyslip::la
