@@ -156,13 +156,15 @@ struct StiffnessSlot {
 };
 
 /// Hands each of the cells (no + cells: their bubbles are not among the displacements) to `insert(slot)`, which returns its floating-point
-/// operations.
+/// operations. `weights` pay where the cells are most of all.
 template <class Insert>
-void visit_stiffness(const MechanicsSystem& system, std::span<const Index> cells, la::KernelLog& log, Insert&& insert) {
+void visit_stiffness(const MechanicsSystem& system, std::span<const Index> cells, const spaces::FaceWeights* weights, la::KernelLog& log,
+                     Insert&& insert) {
   const mesh::PolyMesh& mesh = system.mesh().mesh;
   const Layout& layout = system.layout();
   const double components = layout.dim() * static_cast<double>(mesh.cell_nodes.values.size()) / std::max(1, mesh.n_cells());
-  std::vector<StiffnessSlot> slots(cells_per_batch(components * components), StiffnessSlot{spaces::VemCell(mesh, layout.bubbles()), -1, {}, {}});
+  std::vector<StiffnessSlot> slots(cells_per_batch(components * components),
+                                   StiffnessSlot{spaces::VemCell(mesh, layout.bubbles(), weights), -1, {}, {}});
   const auto geometry = [](StiffnessSlot& slot) {
     slot.vem.build(slot.cell);
     return slot.vem.flops();
@@ -239,13 +241,19 @@ void MechanicsSystem::assemble_bulk() {
   matrix_->begin_writing();
   const std::vector<Index> cells = bulk_cells([&](std::span<const Index> displacements) { return is_ours(displacements); });
   BlockInsertion insertion(*matrix_, layout_, fixed());
+  const spaces::FaceWeights weights = [&] {
+    la::KernelScope scope(kernels_, la::Kernel::geometry);
+    spaces::FaceWeights result(mesh_.mesh);
+    scope.add_flops(result.flops());
+    return result;
+  }();
   double flattest = 0;
-  visit_stiffness(*this, cells, kernels_, [&](const StiffnessSlot& slot) {
+  visit_stiffness(*this, cells, &weights, kernels_, [&](const StiffnessSlot& slot) {
     flattest = std::max(flattest, slot.vem.flatness());
     insertion.add(slot.displacements, slot.matrix, static_cast<int>(slot.displacements.size()));
     return static_cast<double>(slot.matrix.size());
   });
-  kernels_.add_bytes(la::Kernel::geometry, bytes_of_geometry(mesh_.mesh));
+  kernels_.add_bytes(la::Kernel::geometry, bytes_of_geometry(mesh_.mesh) + 2 * weights.bytes());
   kernels_.add_bytes(la::Kernel::local_matrices, static_cast<double>(moduli_.size() * sizeof(physics::Lame)));
   kernels_.add_bytes(la::Kernel::insertion, bytes_of_insertion(matrix_->get(), layout_.dim() * layout_.dim()));
   for (Index p = 0; p < cells_.size(); ++p)
@@ -323,7 +331,7 @@ void MechanicsSystem::compute_lift() {
            std::any_of(displacements.begin(), displacements.end(), [&](Index i) { return loads_.dirichlet[i] != 0; });
   });
   la::KernelLog log("lift");
-  visit_stiffness(*this, cells, log, [&](const StiffnessSlot& slot) {
+  visit_stiffness(*this, cells, nullptr, log, [&](const StiffnessSlot& slot) {
     const std::vector<Index>& displacements = slot.displacements;
     const std::size_t n = displacements.size();
     for (std::size_t i = 0; i < n; ++i) {

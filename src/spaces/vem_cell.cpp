@@ -17,19 +17,26 @@ Vec3 bubble_normal(const Vec3& area_vector) {
   return n.dot(Vec3(1, 0.7310585, 0.4323321)) < 0 ? Vec3(-n) : n;  // a plane that no face of a common mesh lies in
 }
 
-void VemCell::add_face(Index face) {
-  const auto face_nodes = mesh_.face_nodes[face];
-  const auto cell_nodes = mesh_.cell_nodes[cell_];
+std::span<const Vec3> VemCell::weights_of(Index face) {
+  if (weights_ != nullptr) return (*weights_)[face];
   face_points(mesh_, face, points_);
   g_.resize(points_.size());
   geometry::vector_weights(mesh_.dim, points_, g_);
+  return g_;
+}
+
+void VemCell::add_face(Index face) {
+  const auto face_nodes = mesh_.face_nodes[face];
+  const auto cell_nodes = mesh_.cell_nodes[cell_];
+  const std::span<const Vec3> g = weights_of(face);
   const double sign = mesh_.orientation(cell_, face);
   Vec3 area_vector = Vec3::Zero();
-  for (std::size_t i = 0; i < points_.size(); ++i) {
-    const auto s = std::find(cell_nodes.begin(), cell_nodes.end(), face_nodes[i]) - cell_nodes.begin();
-    c_[static_cast<std::size_t>(s)] += sign * g_[i];
-    area_vector += sign * g_[i];
-    volume_ += sign * g_[i].dot(points_[i] - xbar_);
+  for (std::size_t i = 0; i < g.size(); ++i) {
+    const auto s = static_cast<std::size_t>(std::find(cell_nodes.begin(), cell_nodes.end(), face_nodes[i]) - cell_nodes.begin());
+    const Vec3 outward = sign * g[i];
+    c_[s] += outward;
+    area_vector += outward;
+    volume_ += outward.dot(offsets_[s]);
   }
   if (mesh_.on_fracture(face)) {
     if (mesh_.face_cells[face][0] != cell_) return;
@@ -74,8 +81,10 @@ double VemCell::flops() const {
   double sum = 3 * n + 3 + 3 * n            // average of the nodes, offsets
                + 8 * n * (n - 1) / 2        // pairs of nodes: difference 3, square 5
                + 3.0 * size() + 2;          // gradient weights over |K|; root, |K|
-  for (Index face : mesh_.cell_faces[cell_])  // c, area vector and volume take 3 + 3 + 3 + 10 a node
-    sum += geometry::vector_weights_flops(mesh_.dim, mesh_.face_nodes.row_size(face)) + 19.0 * mesh_.face_nodes.row_size(face);
+  for (Index face : mesh_.cell_faces[cell_]) {  // sign, c, area vector and volume take 3 + 3 + 3 + 6 a node
+    const Index m = mesh_.face_nodes.row_size(face);
+    sum += 15.0 * m + (weights_ == nullptr ? geometry::vector_weights_flops(mesh_.dim, m) : 0);
+  }
   return sum;
 }
 

@@ -2,9 +2,10 @@
 //
 // One matrix is stored, over the displacements (of node copies, and of bubbles along normals where bubbles are on all faces):
 // P = A + sum_K C_K  with the bulk A (all cells but the + cells; assembled once) and the condensed blocks C_K of the + cells. Between
-// Newton iterations only the rows of + cells are rewritten.
+// Newton iterations only the rows of + cells are rewritten. P is for preconditioners and factorisations; what is multiplied is A, by halves of
+// its blocks, and C_K cell by cell (MatMult of P, too): that moves half as much.
 // Where frictional slip makes C_K unsymmetric, P may hold the blocks of the same states with the friction bounds held (symmetric, what multigrid
-// likes); the exact condensed operator is then P + sum_K (C_K - C_K^sym), see apply_condensed.
+// likes); the exact condensed operator is A + sum_K C_K, see apply_condensed.
 #pragma once
 
 #include <array>
@@ -15,8 +16,8 @@
 #include "polyslip/assembly/layout.hpp"
 #include "polyslip/assembly/loads.hpp"
 #include "polyslip/la/block_matrix.hpp"
-#include "polyslip/la/kernel_log.hpp"
 #include "polyslip/la/block_product.hpp"
+#include "polyslip/la/kernel_log.hpp"
 #include "polyslip/physics/problem.hpp"
 
 namespace polyslip::assembly {

@@ -1,4 +1,4 @@
-// The exact condensed operator of a system, as a shell: its matrix plus the frictional corrections that a symmetric matrix leaves out.
+// The exact condensed operator of a system, as a shell: with the frictional terms that a symmetric matrix leaves out.
 #pragma once
 
 #include <petscmat.h>

@@ -37,7 +37,7 @@ class LinearSolver final : public DirectionSolver {
 
   assembly::MechanicsSystem& system_;
   la::Handle<KSP> ksp_;
-  la::Handle<Mat> exact_operator_;  ///< Shell: P plus the frictional corrections.
+  la::Handle<Mat> exact_operator_;  ///< Shell: A and the exact blocks of + cells.
   DisplacementHierarchy hierarchy_;
   assembly::MechanicsSystem::MatrixContent content_ = assembly::MechanicsSystem::MatrixContent::symmetric;
   std::string choice_;

@@ -16,6 +16,7 @@
 
 #include "polyslip/geometry/quadrature.hpp"
 #include "polyslip/mesh/poly_mesh.hpp"
+#include "polyslip/spaces/face_weights.hpp"
 
 namespace polyslip::spaces {
 
@@ -24,7 +25,9 @@ enum class Bubbles { fracture, all };  ///< Faces with a bubble: + sides of frac
 /// Built for one cell after another; its buffers are reused, so a loop over cells does not allocate.
 class VemCell {
  public:
-  explicit VemCell(const mesh::PolyMesh& mesh, Bubbles bubbles = Bubbles::fracture) : mesh_(mesh), bubbles_(bubbles) {}
+  /// Where vector weights are given (they must outlive this object) they are not computed again.
+  explicit VemCell(const mesh::PolyMesh& mesh, Bubbles bubbles = Bubbles::fracture, const FaceWeights* weights = nullptr)
+      : mesh_(mesh), bubbles_(bubbles), weights_(weights) {}
 
   /// Computes everything for one cell.
   void build(Index cell);
@@ -73,9 +76,11 @@ class VemCell {
 
  private:
   void add_face(Index face);
+  [[nodiscard]] std::span<const Vec3> weights_of(Index face);
 
   const mesh::PolyMesh& mesh_;
   Bubbles bubbles_;
+  const FaceWeights* weights_;
   Index cell_ = -1;
   int n_nodes_ = 0;
   double volume_ = 0, diameter_ = 0;

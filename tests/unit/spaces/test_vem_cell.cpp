@@ -45,6 +45,27 @@ TEST_P(vem_cells, function_reproduces_linear_fields) {
   }
 }
 
+TEST_P(vem_cells, are_the_same_by_weights_of_all_faces) {
+  const FaceWeights weights(mesh_);
+  VemCell same(mesh_, Bubbles::fracture, &weights);
+  for (Index cell = 0; cell < mesh_.n_cells(); ++cell) {
+    vem_.build(cell);
+    same.build(cell);
+    EXPECT_EQ(same.volume(), vem_.volume());
+    for (int j = 0; j < vem_.size(); ++j) EXPECT_EQ(same.c()[j], vem_.c()[j]) << cell << " " << j;
+    EXPECT_LT(same.flops(), vem_.flops());
+  }
+}
+
+TEST_P(vem_cells, tell_how_flat_they_are) {
+  vem_.build(0);
+  const double before = vem_.flatness();
+  for (Vec3& x : mesh_.nodes) x[mesh_.dim - 1] *= 1e-3;
+  vem_.build(0);
+  EXPECT_LT(before, 10);
+  EXPECT_GT(vem_.flatness(), 100);
+}
+
 TEST_P(vem_cells, bubbles_stand_on_the_plus_side_of_each_fracture_face_once) {
   Index bubbles = 0, fracture_faces = 0;
   for (Index face = 0; face < mesh_.n_faces(); ++face) fracture_faces += mesh_.on_fracture(face) ? 1 : 0;
