@@ -63,16 +63,26 @@ void BlockMatrix::create(const Layout& layout, std::span<const GlobalIndex> sort
     part->row_offsets.reserve(static_cast<std::size_t>(first_of.back()) + 1);
     part->entries.resize(part->start.back());
   }
-  for (Index row = 0; row < owned_; ++row)
-    for (int a = 0; a < width(row); ++a) {
-      for (Index col : diagonal_.columns[row]) append(diagonal_, first_of[static_cast<std::size_t>(col)], width(col));
-      for (Index ghost : offdiagonal_.columns[row])
-        append(offdiagonal_, sorted_ghosts[static_cast<std::size_t>(ghost)], width(owned_ + ghost_at[static_cast<std::size_t>(ghost)]));
-      for (Part* part : {&diagonal_, &offdiagonal_}) part->row_offsets.push_back(static_cast<PetscInt>(part->row_columns.size()));
-    }
+  for (Index row = 0; row < owned_; ++row) {
+    for (Index col : diagonal_.columns[row]) append(diagonal_, first_of[static_cast<std::size_t>(col)], width(col));
+    for (Index ghost : offdiagonal_.columns[row])
+      append(offdiagonal_, sorted_ghosts[static_cast<std::size_t>(ghost)], width(owned_ + ghost_at[static_cast<std::size_t>(ghost)]));
+    for (Part* part : {&diagonal_, &offdiagonal_}) part->repeat_columns(width(row));
+  }
   hand_over(layout.comm, first_of.back());
   POLYSLIP_PETSC(MatSetOption(matrix_, MAT_NEW_NONZERO_LOCATION_ERR, PETSC_TRUE));
   POLYSLIP_PETSC(MatSetOption(matrix_, MAT_NO_OFF_PROC_ENTRIES, PETSC_TRUE));
+}
+
+void BlockMatrix::Part::repeat_columns(int rows) {
+  const auto begin = static_cast<std::size_t>(row_offsets.back()), n = row_columns.size() - begin;
+  for (int a = 0; a < rows; ++a) {
+    if (a > 0) {
+      row_columns.resize(row_columns.size() + n);
+      std::copy_n(row_columns.end() - 2 * static_cast<std::ptrdiff_t>(n), n, row_columns.end() - static_cast<std::ptrdiff_t>(n));
+    }
+    row_offsets.push_back(static_cast<PetscInt>(row_columns.size()));
+  }
 }
 
 void BlockMatrix::hand_over(MPI_Comm comm, PetscInt rows) {
@@ -108,24 +118,31 @@ void BlockMatrix::end_writing() {
 std::vector<double> BlockMatrix::diagonal() const {
   std::vector<double> entries;
   for (Index i = 0; i < owned_; ++i) {
-    const double* entry = diagonal_.entries.data() + place(diagonal_, i, i);
+    const double* entry = diagonal_.entries.data() + diagonal_.start[static_cast<std::size_t>(i)] +
+                          diagonal_.offset[static_cast<std::size_t>(position(diagonal_, i, i))];
     for (int a = 0; a < width(i); ++a, entry += diagonal_.row_width[static_cast<std::size_t>(i)] + 1) entries.push_back(*entry);
   }
   return entries;
 }
 
-std::size_t BlockMatrix::place(const Part& part, Index row, Index column) {
+Index BlockMatrix::position(const Part& part, Index row, Index column) {
   const auto range = part.columns[row];
-  const auto position = std::lower_bound(range.begin(), range.end(), column) - range.begin();
-  assert(position < static_cast<std::ptrdiff_t>(range.size()) && range[static_cast<std::size_t>(position)] == column);
-  return part.start[static_cast<std::size_t>(row)] + part.offset[static_cast<std::size_t>(part.columns.offsets[row] + position)];
+  const auto place = static_cast<Index>(std::lower_bound(range.begin(), range.end(), column) - range.begin());
+  assert(place < part.columns.row_size(row) && range[static_cast<std::size_t>(place)] == column);
+  return part.columns.offsets[row] + place;
 }
 
-BlockMatrix::Slot BlockMatrix::locate(Index row, Index col) const {
-  const Part& part = col < owned_ ? diagonal_ : offdiagonal_;
+BlockMatrix::Slot BlockMatrix::locate(Index row, Index col) {
+  Part& part = col < owned_ ? diagonal_ : offdiagonal_;
   assert(row < owned_ && part.values != nullptr);
   const Index key = col < owned_ ? col : ghost_position_[col - owned_];
-  return {part.values + place(part, row, key), part.row_width[static_cast<std::size_t>(row)]};
+  const Index next = part.last + 1;
+  if (next < part.columns.offsets[row] || next >= part.columns.offsets[row + 1] || part.columns.values[static_cast<std::size_t>(next)] != key)
+    part.last = position(part, row, key);
+  else
+    part.last = next;
+  return {part.values + part.start[static_cast<std::size_t>(row)] + part.offset[static_cast<std::size_t>(part.last)],
+          part.row_width[static_cast<std::size_t>(row)]};
 }
 
 }  // namespace polyslip::la

@@ -97,15 +97,18 @@ class BlockMatrix {
     std::vector<PetscScalar> entries;
     Mat matrix = nullptr;          ///< Borrowed.
     double* values = nullptr;      ///< While being written.
+    Index last = -1;               ///< Position in `columns` that was found last: the next one asked for is often the one behind it.
 
+    /// What has been appended to `row_columns` are those of each of so many rows.
+    void repeat_columns(int rows);
     [[nodiscard]] std::span<double> row(Index i) const { return {values + start[i], start[i + 1] - start[i]}; }
   };
   struct Slot {
     double* values;
     Index step;  ///< From one row to the next.
   };
-  /// First value of the block of an owned row and a column of its part, which has it.
-  [[nodiscard]] static std::size_t place(const Part& part, Index row, Index column);
+  /// Of the column of an owned row among all columns of a part, which has it.
+  [[nodiscard]] static Index position(const Part& part, Index row, Index column);
   /// Blocks of nodes, nearly all of them: the compiler unrolls what it knows the length of.
   template <int n>
   static void add_square(const Slot& slot, const double* block, int stride) {
@@ -115,7 +118,7 @@ class BlockMatrix {
   void add_graph_row(Index row, std::span<const Index> graph, std::span<const Index> ghost_at);
   void create(const Layout& layout, std::span<const GlobalIndex> sorted_ghosts, std::span<const Index> ghost_at);
   void hand_over(MPI_Comm comm, PetscInt rows);
-  [[nodiscard]] Slot locate(Index row, Index col) const;
+  [[nodiscard]] Slot locate(Index row, Index col);
 
   int block_;
   Index owned_;
