@@ -265,11 +265,15 @@ void MechanicsSystem::assemble_bulk() {
     for (auto values : {matrix_->diagonal_row(row), matrix_->offdiagonal_row(row)})
       bulk_rows_.insert(bulk_rows_.end(), values.begin(), values.end());
   matrix_->end_writing();
-  // Beyond, the mirrored half of a row is not rounded as the row is, and of linear fields more digits are lost than there were.
-  constexpr double flattest_mirrored = 1e4;
+  constexpr double flattest_mirrored = 1e4;  // beyond, fewer digits are left
   bulk_ = la::block_product(*matrix_, !mpi::any(mesh_.comm, flattest > flattest_mirrored));
   la::replace_product(matrix_->get(), product_);
   describe_fields();
+}
+
+void MechanicsSystem::multiply_whole_rows() {
+  write_contact_rows(MatrixContent::bulk);
+  bulk_ = la::block_product(*matrix_, false);
 }
 
 bool MechanicsSystem::is_ours(std::span<const Index> displacements) const {

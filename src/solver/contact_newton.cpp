@@ -54,6 +54,7 @@ ContactNewton::ContactNewton(MechanicsSystem& system, std::unique_ptr<DirectionS
       start_(system.create_vector()),
       lagged_(system.create_vector()) {
   trace_.system = &system;
+  if (!blocks_.blocks().empty()) system.multiply_whole_rows();
   set_up();
 }
 

@@ -111,6 +111,9 @@ class MechanicsSystem {
   void with_open_faces(const std::function<void()>& work);
   /// Leaves the bulk alone in P: what is computed then does not depend on earlier linearisations, to the bit.
   void forget_linearisation() { write_contact_rows(MatrixContent::bulk); }
+  /// Products with A by all of its blocks from now on, where digits count: the mirrored half of a row is not rounded as the row is, and leaves
+  /// more of what cancels in rigid motions (on flat cells also in other linear fields; there it is so from the start). Collective.
+  void multiply_whole_rows();
   [[nodiscard]] Mat matrix() const { return matrix_->get(); }
   [[nodiscard]] const la::KernelLog& kernels() const { return kernels_; }  ///< Of the assembly of the bulk.
   /// Rows of P that are nodal, with the rigid-body modes as their near null space, and those of bubbles along normals; null where bubbles
