@@ -7,7 +7,7 @@
 #include <cmath>
 #include <vector>
 
-#include "polyslip/la/aij_parts.hpp"
+#include "polyslip/la/block_rows.hpp"
 #include "polyslip/la/vec_access.hpp"
 
 namespace polyslip::la {
@@ -17,28 +17,26 @@ namespace {
 /// The sums of the blocks of a local matrix.
 template <int b>
 AijEntries sums_of_blocks(Mat matrix) {
-  const AijRows rows(matrix);
+  const BlockRows<b, b> rows(matrix);
   AijEntries sums;
-  const auto blocks = static_cast<std::size_t>(rows.offsets()[rows.rows()] / (b * b));
-  sums.offsets.reserve(static_cast<std::size_t>(rows.rows() / b) + 1);
-  sums.columns.reserve(blocks);
-  sums.values.reserve(blocks);
-  for (PetscInt row = 0; row < rows.rows(); row += b) {
-    const PetscInt first = rows.offsets()[row], width = rows.offsets()[row + 1] - first;
-    for (PetscInt k = first; k < first + width; k += b) {
-      PetscScalar sum = 0;
-      for (int i = 0; i < b; ++i)
-        for (int j = 0; j < b; ++j) sum += std::abs(rows.values()[k + i * width + j]);
-      sums.columns.push_back(rows.columns()[k] / b);
+  sums.offsets.reserve(static_cast<std::size_t>(rows.rows()) + 1);
+  sums.columns.reserve(static_cast<std::size_t>(rows.blocks()));
+  sums.values.reserve(static_cast<std::size_t>(rows.blocks()));
+  for (Index i = 0; i < rows.rows(); ++i) {
+    rows.visit(i, [&](Index column, const double* block, PetscInt width) {
+      double sum = 0;
+      for (int r = 0; r < b; ++r)
+        for (int c = 0; c < b; ++c) sum += std::abs(block[r * width + c]);
+      sums.columns.push_back(column);
       sums.values.push_back(sum);
-    }
+    });
     sums.offsets.push_back(static_cast<PetscInt>(sums.columns.size()));
   }
   return sums;
 }
 
 /// 1/sqrt(G_II) of the rows of this rank, and of the nodes that columns of others belong to.
-std::array<std::vector<double>, 2> scales(MPI_Comm comm, const AijEntries& own, const std::vector<PetscInt>& ghosts) {
+std::array<std::vector<double>, 2> scales(MPI_Comm comm, const AijEntries& own, const std::vector<GlobalIndex>& ghosts) {
   const auto rows = static_cast<PetscInt>(own.offsets.size()) - 1;
   Handle<Vec> scale, of_ghosts;
   POLYSLIP_PETSC(VecCreateMPI(comm, rows, PETSC_DETERMINE, scale.put()));
@@ -86,13 +84,8 @@ template <int b>
 void assemble_graph(Mat matrix, bool is_scaled, double threshold, Mat graph) {
   const AijParts parts(matrix);
   AijEntries own = sums_of_blocks<b>(parts.own), others;
-  std::vector<PetscInt> ghosts;  // by the columns of others
-  if (parts.others != nullptr) {
-    PetscInt columns = 0;
-    others = sums_of_blocks<b>(parts.others);
-    POLYSLIP_PETSC(MatGetSize(parts.others, nullptr, &columns));
-    for (PetscInt k = 0; k < columns; k += b) ghosts.push_back(parts.global[k] / b);
-  }
+  const std::vector<GlobalIndex> ghosts = ghosts_of(parts, b);
+  if (parts.others != nullptr) others = sums_of_blocks<b>(parts.others);
   if (is_scaled) {
     const auto [scale, of_ghosts] = scales(comm_of(matrix), own, ghosts);
     const auto apply = [&rows = scale](AijEntries& entries, const std::vector<double>& columns) {

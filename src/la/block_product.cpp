@@ -40,9 +40,8 @@ class ProductOf final : public BlockProduct {
         }
       });
     };
-    std::size_t rows = 0;
-    visit([](Part& part, Index, const double*, Index) { ++part.count; }, [&] { ++rows; });
-    for (Part* part : {&lower_, &diagonal_, &whole_}) part->allocate(rows);
+    visit([](Part& part, Index, const double*, Index) { ++part.count; }, [] {});
+    for (Part* part : {&lower_, &diagonal_, &whole_}) part->allocate(static_cast<std::size_t>(ghosts / b));
     visit([](Part& part, Index column, const double* block, Index step) { part.append(column, block, step); },
           [&] {
             for (Part* part : {&lower_, &diagonal_, &whole_}) part->end_row();
