@@ -205,6 +205,26 @@ TEST_P(linearisation, condensed_direction_solves_the_saddle_system) {
   }
 }
 
+TEST_P(linearisation, products_are_those_of_the_entries_of_the_matrix) {
+  la::Handle<Vec> x = system_.layout().create_displacement_vector(), zero = system_.layout().create_displacement_vector(),
+                  product = system_.layout().create_displacement_vector(), of_entries = system_.layout().create_displacement_vector();
+  {
+    const la::Handle<Vec> y = random_vector(system_, 37);
+    const VecRead a(y);
+    const la::VecWrite b(x);
+    std::copy_n(a.data(), system_.layout().displacement_size(), b.data());
+  }
+  for (bool by_halves : {true, false}) {
+    if (!by_halves) system_.multiply_whole_rows();
+    for (Content content : {Content::bulk, Content::symmetric, Content::exact}) {
+      system_.linearise(scene_.x, content);
+      POLYSLIP_PETSC(MatMult(system_.matrix(), x, product));
+      POLYSLIP_PETSC(MatMultAdd(system_.matrix(), x, zero, of_entries));  // which is PETSc's
+      EXPECT_LT(distance(product, of_entries, 0, system_.layout().displacement_size()), 1e-14) << by_halves;
+    }
+  }
+}
+
 TEST_P(linearisation, contact_line_follows_the_full_residual) {
   system_.linearise(scene_.x, Content::symmetric);
   const la::Handle<Vec> y = random_vector(system_, 41, 0.1);
