@@ -9,10 +9,10 @@ double bytes_of_geometry(const mesh::PolyMesh& mesh) {
   return sum;
 }
 
-double bytes_of_insertion(Mat matrix, double entries_per_block) {
+double bytes_of_entries(Mat matrix) {
   MatInfo info;
   POLYSLIP_PETSC(MatGetInfo(matrix, MAT_LOCAL, &info));
-  return info.nz_used * (2 * sizeof(PetscScalar) + 2 * sizeof(Index) / entries_per_block);
+  return info.nz_used * sizeof(PetscScalar);
 }
 
 }  // namespace polyslip::assembly

@@ -184,7 +184,7 @@ void FlowOperator::assemble_rock(std::span<const physics::HydraulicProperties> r
   });
   kernels_.add_bytes(la::Kernel::geometry, bytes_of_geometry(mesh_.mesh));
   kernels_.add_bytes(la::Kernel::local_matrices, static_cast<double>(rock.size_bytes()));
-  kernels_.add_bytes(la::Kernel::insertion, bytes_of_insertion(matrix_->get(), 1));
+  kernels_.add_bytes(la::Kernel::insertion, 3 * bytes_of_entries(matrix_->get()));  // read and written, and a column and offset looked up for each
 }
 
 void FlowOperator::place_points(const RockSlot& slot) {

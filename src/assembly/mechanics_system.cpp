@@ -89,63 +89,74 @@ Csr matrix_graph(const mesh::DistributedMesh& mesh, const Layout& layout, const 
   return graph;
 }
 
-/// The entities of a list of displacements, and where each begins in it.
-struct EntityList {
-  std::vector<Index> entities;
-  std::vector<int> begin;
-
-  void assign(const la::BlockMatrix& matrix, const Layout& layout, std::span<const Index> displacements) {
-    entities.clear();
-    begin.clear();
-    const int n = static_cast<int>(displacements.size());
-    for (int i = 0; i < n; i += matrix.width(entities.back())) {
-      entities.push_back(layout.entity_of(displacements[static_cast<std::size_t>(i)]));
-      begin.push_back(i);
-    }
-  }
-};
-
-/// Adds dense blocks over lists of displacements to the matrix; only in the rows (owned entities) that are `wanted`, if not empty.
-class BlockInsertion {
+/// The matrix of a cell by blocks of entities.
+class CellBlocks {
  public:
-  BlockInsertion(la::BlockMatrix& matrix, const Layout& layout, std::span<const char> fixed, std::span<const char> wanted = {})
-      : matrix_(matrix), layout_(layout), fixed_(fixed), wanted_(wanted) {}
+  CellBlocks(const Layout& layout, std::span<const char> fixed) : layout_(layout), fixed_(fixed) {}
 
-  /// `block` is the leading part of rows of `width` entries; of prescribed displacements only the diagonal entry is kept.
-  void add(std::span<const Index> displacements, std::span<const double> block, int width) {
-    list_.assign(matrix_, layout_, displacements);
-    const bool any_fixed = std::any_of(displacements.begin(), displacements.end(), [&](Index i) { return fixed_[i] != 0; });
-    for (std::size_t k = 0; k < list_.entities.size(); ++k) {
-      const Index row = list_.entities[k];
-      if (row >= matrix_.owned() || (!wanted_.empty() && wanted_[row] == 0)) continue;
-      const double* entries = &block[static_cast<std::size_t>(list_.begin[k]) * width];
-      for (std::size_t l = 0; l < list_.entities.size(); ++l) {
-        if (any_fixed)
-          add_masked(displacements, k, l, entries + list_.begin[l], width);
-        else
-          matrix_.add(row, list_.entities[l], entries + list_.begin[l], width);
-      }
+  /// Of these displacements; `matrix` is the leading part of rows of `width` entries. Of prescribed displacements only diagonal entries are left.
+  void assign(std::span<const Index> displacements, std::span<const double> matrix, int width) {
+    entities_.clear();
+    begin_.clear();
+    const int n = static_cast<int>(displacements.size());
+    for (int i = 0; i < n; i += layout_.width(entities_.back())) {
+      entities_.push_back(layout_.entity_of(displacements[static_cast<std::size_t>(i)]));
+      begin_.push_back(i);
     }
+    matrix_ = matrix.data();
+    width_ = width;
+    if (std::any_of(displacements.begin(), displacements.end(), [&](Index i) { return fixed_[i] != 0; })) mask(displacements);
   }
+  [[nodiscard]] std::span<const Index> entities() const { return entities_; }
+  [[nodiscard]] const double* block(std::size_t k, std::size_t l) const { return matrix_ + begin_[k] * width_ + begin_[l]; }
+  [[nodiscard]] int width() const { return width_; }
 
  private:
-  void add_masked(std::span<const Index> displacements, std::size_t k, std::size_t l, const double* entry, int width) {
-    const Index row = list_.entities[k], col = list_.entities[l];
-    const int i = list_.begin[k], j = list_.begin[l], columns = matrix_.width(col);
-    std::array<double, 9> masked;
-    for (int a = 0; a < matrix_.width(row); ++a)
-      for (int b = 0; b < columns; ++b) {
-        const bool keep = i + a == j + b || (!fixed_[displacements[i + a]] && !fixed_[displacements[j + b]]);
-        masked[columns * a + b] = keep ? entry[a * width + b] : 0.0;
-      }
-    matrix_.add(row, col, masked.data(), columns);
+  void mask(std::span<const Index> displacements) {
+    masked_.assign(matrix_, matrix_ + displacements.size() * static_cast<std::size_t>(width_));
+    double* entry = masked_.data();
+    for (std::size_t i = 0; i < displacements.size(); ++i, entry += width_)
+      for (std::size_t j = 0; j < displacements.size(); ++j)
+        if (i != j && (fixed_[displacements[i]] || fixed_[displacements[j]])) entry[j] = 0;
+    matrix_ = masked_.data();
   }
 
-  la::BlockMatrix& matrix_;
   const Layout& layout_;
-  std::span<const char> fixed_, wanted_;
-  EntityList list_;
+  std::span<const char> fixed_;
+  std::vector<Index> entities_;
+  std::vector<int> begin_;  ///< First row of each.
+  const double* matrix_ = nullptr;
+  int width_ = 0;
+  std::vector<double> masked_;
 };
+
+/// Adds the blocks of a cell in the rows (owned entities) that are `wanted`.
+void add_rows(const CellBlocks& cell, std::span<const char> wanted, la::BlockMatrix& matrix) {
+  const auto entities = cell.entities();
+  for (std::size_t k = 0; k < entities.size(); ++k) {
+    if (entities[k] >= matrix.owned() || wanted[entities[k]] == 0) continue;
+    for (std::size_t l = 0; l < entities.size(); ++l) matrix.add(entities[k], entities[l], cell.block(k, l), cell.width());
+  }
+}
+
+/// Adds the blocks of a cell to those that are held; by halves, its lower ones serve for the others as well. Returns how many it has added.
+double add_bulk(const CellBlocks& cell, la::BlockOperator& bulk) {
+  const auto entities = cell.entities();
+  const int width = cell.width();
+  double added = 0;
+  for (std::size_t k = 0; k < entities.size(); ++k)
+    for (std::size_t l = 0; l < (bulk.by_halves() ? k + 1 : entities.size()); ++l) {
+      const Index row = entities[k], col = entities[l];
+      if (bulk.holds(row, col))
+        bulk.add(row, col, cell.block(k, l), width, 1);
+      else if (bulk.by_halves() && bulk.holds(col, row))
+        bulk.add(col, row, cell.block(k, l), 1, width);
+      else
+        continue;
+      ++added;
+    }
+  return added;
+}
 
 /// A cell of a batch.
 struct StiffnessSlot {
@@ -155,11 +166,11 @@ struct StiffnessSlot {
   std::vector<double> matrix;
 };
 
-/// Hands each of the cells (no + cells: their bubbles are not among the displacements) to `insert(slot)`, which returns its floating-point
-/// operations. `weights` pay where the cells are most of all.
+/// Hands each of the cells (no + cells: their bubbles are not among the displacements) with these blocks to `insert(slot)`, which returns its
+/// floating-point operations. `weights` pay where the cells are most of all.
 template <class Insert>
-void visit_stiffness(const MechanicsSystem& system, std::span<const Index> cells, const spaces::FaceWeights* weights, la::KernelLog& log,
-                     Insert&& insert) {
+void visit_stiffness(const MechanicsSystem& system, std::span<const Index> cells, physics::Blocks blocks, const spaces::FaceWeights* weights,
+                     la::KernelLog& log, Insert&& insert) {
   const mesh::PolyMesh& mesh = system.mesh().mesh;
   const Layout& layout = system.layout();
   const double components = layout.dim() * static_cast<double>(mesh.cell_nodes.values.size()) / std::max(1, mesh.n_cells());
@@ -173,8 +184,9 @@ void visit_stiffness(const MechanicsSystem& system, std::span<const Index> cells
     const auto n = static_cast<std::size_t>(slot.vem.components());
     slot.matrix.resize(n * n);
     const physics::Lame& lame = system.moduli()[slot.cell];
-    physics::local_stiffness(layout.dim(), slot.vem, lame, physics::stabilisation_factor(lame, system.problem().stabilisation), slot.matrix);
-    return physics::stiffness_flops(layout.dim(), slot.vem);
+    const double gamma = physics::stabilisation_factor(lame, system.problem().stabilisation);
+    physics::local_stiffness(layout.dim(), slot.vem, lame, gamma, slot.matrix, blocks);
+    return physics::stiffness_flops(layout.dim(), slot.vem, blocks);
   };
   in_batches(cells, slots, log, geometry, matrix, [&](StiffnessSlot& slot) {
     slot.displacements.clear();
@@ -238,9 +250,21 @@ std::vector<Index> MechanicsSystem::bulk_cells(Wanted&& wanted) const {
 
 void MechanicsSystem::assemble_bulk() {
   matrix_ = std::make_unique<la::BlockMatrix>(layout_.matrix_layout(), matrix_graph(mesh_, layout_, cells_));
-  matrix_->begin_writing();
+  la::replace_product(matrix_->get(), product_);
+  for (Index p = 0; p < cells_.size(); ++p)
+    for (Index i : cells_.displacements(p))
+      if (i < layout_.displacement_size()) contact_rows_.push_back(layout_.entity_of(i));
+  std::sort(contact_rows_.begin(), contact_rows_.end());
+  contact_rows_.erase(std::unique(contact_rows_.begin(), contact_rows_.end()), contact_rows_.end());
+  constexpr double flattest_mirrored = 1e4;  // beyond, fewer digits are left
+  if (mpi::any(mesh_.comm, sum_up_bulk(physics::Blocks::lower) > flattest_mirrored)) sum_up_bulk(physics::Blocks::all);
+  describe_fields();
+}
+
+double MechanicsSystem::sum_up_bulk(physics::Blocks blocks) {
   const std::vector<Index> cells = bulk_cells([&](std::span<const Index> displacements) { return is_ours(displacements); });
-  BlockInsertion insertion(*matrix_, layout_, fixed());
+  bulk_.reset();
+  bulk_ = std::make_unique<la::BlockOperator>(*matrix_, blocks == physics::Blocks::lower);
   const spaces::FaceWeights weights = [&] {
     la::KernelScope scope(kernels_, la::Kernel::geometry);
     spaces::FaceWeights result(mesh_.mesh);
@@ -248,32 +272,35 @@ void MechanicsSystem::assemble_bulk() {
     return result;
   }();
   double flattest = 0;
-  visit_stiffness(*this, cells, &weights, kernels_, [&](const StiffnessSlot& slot) {
+  CellBlocks cell_blocks(layout_, fixed());
+  visit_stiffness(*this, cells, blocks, &weights, kernels_, [&](const StiffnessSlot& slot) {
     flattest = std::max(flattest, slot.vem.flatness());
-    insertion.add(slot.displacements, slot.matrix, static_cast<int>(slot.displacements.size()));
-    return static_cast<double>(slot.matrix.size());
+    cell_blocks.assign(slot.displacements, slot.matrix, static_cast<int>(slot.displacements.size()));
+    return add_bulk(cell_blocks, *bulk_) * layout_.dim() * layout_.dim();  // nearly: bubbles along normals are narrower
   });
+  write_bulk();
   kernels_.add_bytes(la::Kernel::geometry, bytes_of_geometry(mesh_.mesh) + 2 * weights.bytes());
   kernels_.add_bytes(la::Kernel::local_matrices, static_cast<double>(moduli_.size() * sizeof(physics::Lame)));
-  kernels_.add_bytes(la::Kernel::insertion, bytes_of_insertion(matrix_->get(), layout_.dim() * layout_.dim()));
-  for (Index p = 0; p < cells_.size(); ++p)
-    for (Index i : cells_.displacements(p))
-      if (i < layout_.displacement_size()) contact_rows_.push_back(layout_.entity_of(i));
-  std::sort(contact_rows_.begin(), contact_rows_.end());
-  contact_rows_.erase(std::unique(contact_rows_.begin(), contact_rows_.end()), contact_rows_.end());
+  kernels_.add_bytes(la::Kernel::insertion, 3 * bulk_->bytes() + bytes_of_entries(matrix_->get()));  // read and written, read to be written to P
+  return flattest;
+}
+
+void MechanicsSystem::write_bulk() {
+  {
+    const la::KernelScope scope(kernels_, la::Kernel::insertion);
+    matrix_->begin_writing();
+    bulk_->write_to(*matrix_);
+  }
+  bulk_rows_.clear();
   for (Index row : contact_rows_)
     for (auto values : {matrix_->diagonal_row(row), matrix_->offdiagonal_row(row)})
       bulk_rows_.insert(bulk_rows_.end(), values.begin(), values.end());
   matrix_->end_writing();
-  constexpr double flattest_mirrored = 1e4;  // beyond, fewer digits are left
-  bulk_ = la::block_product(*matrix_, !mpi::any(mesh_.comm, flattest > flattest_mirrored));
-  la::replace_product(matrix_->get(), product_);
-  describe_fields();
+  content_ = MatrixContent::bulk;
 }
 
 void MechanicsSystem::multiply_whole_rows() {
-  write_contact_rows(MatrixContent::bulk);
-  bulk_ = la::block_product(*matrix_, false);
+  if (bulk_->by_halves()) sum_up_bulk(physics::Blocks::all);
 }
 
 bool MechanicsSystem::is_ours(std::span<const Index> displacements) const {
@@ -311,10 +338,11 @@ void MechanicsSystem::write_contact_rows(MatrixContent content) {
       if (is_new[row] != 0) std::copy_n(saved, values.size(), values.begin());
       saved += static_cast<std::ptrdiff_t>(values.size());
     }
-  BlockInsertion insertion(*matrix_, layout_, fixed(), is_new);
-  for (Index p = 0; content != MatrixContent::bulk && p < cells_.size(); ++p)
-    insertion.add(cells_.displacements(p), content == MatrixContent::exact ? cells_.block(p) : cells_.symmetric_block(p),
-                  cells_.block_size(p));
+  CellBlocks blocks(layout_, fixed());
+  for (Index p = 0; content != MatrixContent::bulk && p < cells_.size(); ++p) {
+    blocks.assign(cells_.displacements(p), content == MatrixContent::exact ? cells_.block(p) : cells_.symmetric_block(p), cells_.block_size(p));
+    add_rows(blocks, is_new, *matrix_);
+  }
   matrix_->end_writing();
   content_ = content;
 }
@@ -335,7 +363,7 @@ void MechanicsSystem::compute_lift() {
            std::any_of(displacements.begin(), displacements.end(), [&](Index i) { return loads_.dirichlet[i] != 0; });
   });
   la::KernelLog log("lift");
-  visit_stiffness(*this, cells, nullptr, log, [&](const StiffnessSlot& slot) {
+  visit_stiffness(*this, cells, physics::Blocks::all, nullptr, log, [&](const StiffnessSlot& slot) {
     const std::vector<Index>& displacements = slot.displacements;
     const std::size_t n = displacements.size();
     for (std::size_t i = 0; i < n; ++i) {

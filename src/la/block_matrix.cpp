@@ -23,19 +23,21 @@ std::vector<Index> sort_ghosts(std::span<const GlobalIndex> ghosts) {
 }  // namespace
 
 BlockMatrix::BlockMatrix(const Layout& layout, const Csr& graph)
-    : block_(layout.block), owned_(layout.owned), widths_(layout.widths.begin(), layout.widths.end()) {
-  const std::vector<Index> ghost_at = sort_ghosts(layout.ghosts);
-  ghost_position_.resize(ghost_at.size());
+    : block_(layout.block),
+      owned_(layout.owned),
+      widths_(layout.widths.begin(), layout.widths.end()),
+      ghost_at_(sort_ghosts(layout.ghosts)) {
+  ghost_position_.resize(ghost_at_.size());
   std::vector<GlobalIndex> sorted;
-  for (Index ghost : ghost_at) {
+  for (Index ghost : ghost_at_) {
     ghost_position_[static_cast<std::size_t>(ghost)] = static_cast<Index>(sorted.size());
     sorted.push_back(layout.ghosts[static_cast<std::size_t>(ghost)]);
   }
-  for (Index row = 0; row < owned_; ++row) add_graph_row(row, graph[row], ghost_at);
-  create(layout, sorted, ghost_at);
+  for (Index row = 0; row < owned_; ++row) add_graph_row(row, graph[row]);
+  create(layout, sorted);
 }
 
-void BlockMatrix::add_graph_row(Index row, std::span<const Index> graph, std::span<const Index> ghost_at) {
+void BlockMatrix::add_graph_row(Index row, std::span<const Index> graph) {
   for (Index col : graph)
     (col < owned_ ? diagonal_ : offdiagonal_).columns.values.push_back(col < owned_ ? col : ghost_position_[col - owned_]);
   for (Part* part : {&diagonal_, &offdiagonal_}) {
@@ -44,7 +46,7 @@ void BlockMatrix::add_graph_row(Index row, std::span<const Index> graph, std::sp
     Index components = 0;
     for (auto column = first; column != part->columns.values.end(); ++column) {
       part->offset.push_back(components);
-      components += width(part == &diagonal_ ? *column : owned_ + ghost_at[*column]);
+      components += width(part == &diagonal_ ? *column : owned_ + ghost_at_[*column]);
     }
     part->columns.offsets.push_back(static_cast<Index>(part->columns.values.size()));
     part->row_width.push_back(components);
@@ -52,7 +54,7 @@ void BlockMatrix::add_graph_row(Index row, std::span<const Index> graph, std::sp
   }
 }
 
-void BlockMatrix::create(const Layout& layout, std::span<const GlobalIndex> sorted_ghosts, std::span<const Index> ghost_at) {
+void BlockMatrix::create(const Layout& layout, std::span<const GlobalIndex> sorted_ghosts) {
   std::vector<PetscInt> first_of{0};  // local row of each owned entity
   for (Index i = 0; i < owned_; ++i) first_of.push_back(first_of.back() + width(i));
   const auto append = [](Part& part, PetscInt first, int n) {
@@ -66,7 +68,7 @@ void BlockMatrix::create(const Layout& layout, std::span<const GlobalIndex> sort
   for (Index row = 0; row < owned_; ++row) {
     for (Index col : diagonal_.columns[row]) append(diagonal_, first_of[static_cast<std::size_t>(col)], width(col));
     for (Index ghost : offdiagonal_.columns[row])
-      append(offdiagonal_, sorted_ghosts[static_cast<std::size_t>(ghost)], width(owned_ + ghost_at[static_cast<std::size_t>(ghost)]));
+      append(offdiagonal_, sorted_ghosts[static_cast<std::size_t>(ghost)], width(owned_ + ghost_at_[static_cast<std::size_t>(ghost)]));
     for (Part* part : {&diagonal_, &offdiagonal_}) part->repeat_columns(width(row));
   }
   hand_over(layout.comm, first_of.back());
@@ -119,30 +121,17 @@ std::vector<double> BlockMatrix::diagonal() const {
   std::vector<double> entries;
   for (Index i = 0; i < owned_; ++i) {
     const double* entry = diagonal_.entries.data() + diagonal_.start[static_cast<std::size_t>(i)] +
-                          diagonal_.offset[static_cast<std::size_t>(position(diagonal_, i, i))];
+                          diagonal_.offset[static_cast<std::size_t>(diagonal_.position(i, i))];
     for (int a = 0; a < width(i); ++a, entry += diagonal_.row_width[static_cast<std::size_t>(i)] + 1) entries.push_back(*entry);
   }
   return entries;
 }
 
-Index BlockMatrix::position(const Part& part, Index row, Index column) {
-  const auto range = part.columns[row];
+Index BlockMatrix::Part::position(Index row, Index column) const {
+  const auto range = columns[row];
   const auto place = static_cast<Index>(std::lower_bound(range.begin(), range.end(), column) - range.begin());
-  assert(place < part.columns.row_size(row) && range[static_cast<std::size_t>(place)] == column);
-  return part.columns.offsets[row] + place;
-}
-
-BlockMatrix::Slot BlockMatrix::locate(Index row, Index col) {
-  Part& part = col < owned_ ? diagonal_ : offdiagonal_;
-  assert(row < owned_ && part.values != nullptr);
-  const Index key = col < owned_ ? col : ghost_position_[col - owned_];
-  const Index next = part.last + 1;
-  if (next < part.columns.offsets[row] || next >= part.columns.offsets[row + 1] || part.columns.values[static_cast<std::size_t>(next)] != key)
-    part.last = position(part, row, key);
-  else
-    part.last = next;
-  return {part.values + part.start[static_cast<std::size_t>(row)] + part.offset[static_cast<std::size_t>(part.last)],
-          part.row_width[static_cast<std::size_t>(row)]};
+  assert(place < columns.row_size(row) && range[static_cast<std::size_t>(place)] == column);
+  return columns.offsets[row] + place;
 }
 
 }  // namespace polyslip::la

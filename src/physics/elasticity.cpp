@@ -43,7 +43,7 @@ void write_block(const spaces::VemCell& cell, int j, int k, const Eigen::Matrix<
 }
 
 template <int dim>
-void stiffness(const spaces::VemCell& cell, const Lame& lame, double gamma, std::span<double> matrix) {
+void stiffness(const spaces::VemCell& cell, const Lame& lame, double gamma, std::span<double> matrix, Blocks blocks) {
   using VecD = Eigen::Matrix<double, dim, 1>;
   using Block = Eigen::Matrix<double, dim, dim>;
   const int n = cell.n_nodes(), m = cell.size(), width = cell.components();
@@ -55,8 +55,8 @@ void stiffness(const spaces::VemCell& cell, const Lame& lame, double gamma, std:
   for (int j = 0; j < m; ++j) {
     const VecD cj = c[j].template head<dim>();
     const VecD inertia_cj = inertia * cj, lambda_cj = volume * lame.lambda * cj, mu_cj = volume * lame.mu * cj;
-    // All of a row from the same products: mirrored halves lose half the digits of linear fields on slivers, where the assembly keeps both.
-    for (int k = 0; k < m; ++k) {
+    // All of a row from the same products: mirrored halves lose half the digits of linear fields on slivers, where the assembly takes all blocks.
+    for (int k = 0, end = blocks == Blocks::all ? m : j + 1; k < end; ++k) {
       const VecD ck = c[k].template head<dim>();
       double p = inertia_cj.dot(ck);
       if (j < n) p -= y[j].template head<dim>().dot(ck);
@@ -110,21 +110,25 @@ double stabilisation_factor(const Lame& lame, Stabilisation kind) {
   return kind == Stabilisation::mu ? lame.mu : 2 * lame.mu + (kind == Stabilisation::two_mu_lambda ? lame.lambda : 0);
 }
 
-void local_stiffness(int dim, const spaces::VemCell& cell, const Lame& lame, double gamma, std::span<double> matrix) {
+void local_stiffness(int dim, const spaces::VemCell& cell, const Lame& lame, double gamma, std::span<double> matrix, Blocks blocks) {
   if (dim == 2)
-    stiffness<2>(cell, lame, gamma, matrix);
+    stiffness<2>(cell, lame, gamma, matrix, blocks);
   else
-    stiffness<3>(cell, lame, gamma, matrix);
+    stiffness<3>(cell, lame, gamma, matrix, blocks);
 }
 
-double stiffness_flops(int dim, const spaces::VemCell& cell) {
+double stiffness_flops(int dim, const spaces::VemCell& cell, Blocks blocks) {
   const double d = dim, n = cell.n_nodes(), m = cell.size(), dot = 2 * d - 1;
+  const auto triangle = [](double k) { return k * (k + 1) / 2; };
+  const bool all = blocks == Blocks::all;
+  const double pairs = all ? m * m : triangle(m), pairs_of_nodes = all ? n * n : triangle(n);
+  const double j_is_node = all ? n * m : pairs_of_nodes, k_is_node = all ? n * m : pairs_of_nodes + n * (m - n);
   return n * 2 * d * d                       // inertia
          + m * (d * dot + 2 * d)             // inertia c_j, |K| lambda c_j, |K| mu c_j
          // blocks: p; lambda c_j (x) c_k + mu c_k (x) c_j; mu c_j.c_k and the diagonal
-         + m * m * (dot + 3 * d * d + dot + 2 + d)
+         + pairs * (dot + 3 * d * d + dot + 2 + d)
          // p: y_j.c_k and y_k.c_j, 1/n, 1
-         + 2 * n * m * (dot + 1) + n * n + m;
+         + (j_is_node + k_is_node) * (dot + 1) + pairs_of_nodes + m;
 }
 
 }  // namespace polyslip::physics

@@ -38,7 +38,7 @@ void in_batches(std::span<const Index> cells, std::vector<Slot>& slots, la::Kern
 /// What the geometry of all cells has to read [bytes]: coordinates, and the nodes of faces and the faces and nodes of cells.
 double bytes_of_geometry(const mesh::PolyMesh& mesh);
 
-/// What insertion has to move [bytes]: each stored value is read and written, and the place of each block is looked up (column, offset).
-double bytes_of_insertion(Mat matrix, double entries_per_block);
+/// The entries of a matrix [bytes].
+double bytes_of_entries(Mat matrix);
 
 }  // namespace polyslip::assembly

@@ -63,6 +63,7 @@ class Layout {
   [[nodiscard]] Index owned_entities() const { return copies_ + normals_; }
   [[nodiscard]] Index local_entities() const { return local_copies_ + local_normals_; }
   [[nodiscard]] Index entity_of(Index displacement) const;
+  [[nodiscard]] int width(Index entity) const { return widths_.empty() ? dim_ : widths_[static_cast<std::size_t>(entity)]; }
   [[nodiscard]] la::BlockMatrix::Layout matrix_layout() const;
 
   [[nodiscard]] la::Handle<Vec> create_vector() const;               ///< All unknowns.

@@ -16,7 +16,7 @@
 #include "polyslip/assembly/layout.hpp"
 #include "polyslip/assembly/loads.hpp"
 #include "polyslip/la/block_matrix.hpp"
-#include "polyslip/la/block_product.hpp"
+#include "polyslip/la/block_operator.hpp"
 #include "polyslip/la/kernel_log.hpp"
 #include "polyslip/physics/problem.hpp"
 
@@ -149,6 +149,9 @@ class MechanicsSystem {
 
  private:
   void assemble_bulk();
+  /// A by these blocks of the cells, and P = A; returns the flatness of the flattest cell.
+  double sum_up_bulk(physics::Blocks blocks);
+  void write_bulk();
   /// Cells without a block to condense whose displacements are `wanted`.
   template <class Wanted>
   [[nodiscard]] std::vector<Index> bulk_cells(Wanted&& wanted) const;
@@ -171,7 +174,7 @@ class MechanicsSystem {
   ContactCells cells_;
   LoadAssembler load_assembler_;
   std::unique_ptr<la::BlockMatrix> matrix_;
-  std::unique_ptr<la::BlockProduct> bulk_;  ///< A x
+  std::unique_ptr<la::BlockOperator> bulk_;  ///< A
   const std::function<void(Vec, Vec)> product_ = [this](Vec x, Vec y) { apply(content_, x, y); };
   la::KernelLog kernels_{"rock"};
   la::Handle<IS> nodal_field_, normal_field_;

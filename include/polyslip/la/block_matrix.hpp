@@ -27,15 +27,27 @@ class BlockMatrix {
   /// `graph` has one row an owned entity: the local entities it couples with, itself included, in any order, no repeats.
   BlockMatrix(const Layout& layout, const Csr& graph);
 
+  /// Where entry (0, 0) of a block is, while the matrix is written.
+  struct Slot {
+    double* values;
+    Index step;  ///< From one row to the next.
+  };
+  /// Of owned entity `row` and local entity `col`.
+  [[nodiscard]] Slot slot(Index row, Index col) {
+    Part& part = col < owned_ ? diagonal_ : offdiagonal_;
+    return part.slot(row, part.find(row, col < owned_ ? col : ghost_position_[col - owned_]));
+  }
+  /// Of an owned row and its k-th column that is owned, too.
+  [[nodiscard]] Slot owned_slot(Index row, Index k) { return diagonal_.slot(row, diagonal_.columns.offsets[row] + k); }
   /// Adds to the block of owned entity `row` and local entity `col`; block points at entry (0, 0) of a row-major matrix with
   /// `stride` columns.
   void add(Index row, Index col, const double* block, int stride) {
-    const Slot slot = locate(row, col);
+    const Slot to = slot(row, col);
     const int rows = width(row), columns = width(col);
-    if (rows == 3 && columns == 3) return add_square<3>(slot, block, stride);
-    if (rows == 2 && columns == 2) return add_square<2>(slot, block, stride);
+    if (rows == 3 && columns == 3) return add_square<3>(to, block, stride);
+    if (rows == 2 && columns == 2) return add_square<2>(to, block, stride);
     for (int a = 0; a < rows; ++a)
-      for (int b = 0; b < columns; ++b) slot.values[a * slot.step + b] += block[a * stride + b];
+      for (int b = 0; b < columns; ++b) to.values[a * to.step + b] += block[a * stride + b];
   }
 
   [[nodiscard]] int width(Index entity) const { return widths_.empty() ? block_ : widths_[static_cast<std::size_t>(entity)]; }
@@ -50,30 +62,11 @@ class BlockMatrix {
   /// Diagonal entries of the owned rows. MatGetDiagonal would look through these for them.
   [[nodiscard]] std::vector<double> diagonal() const;
 
-  /// A block of a row.
-  struct Block {
-    Index column;          ///< Local entity.
-    const double* values;  ///< Its entry (0, 0).
-    Index step;            ///< From one row to the next.
-  };
-  /// Calls visit(row, its blocks) for the owned entities in their order; columns of this rank come first, and ascend.
+  /// Calls visit(local entity) for the columns of an owned row: those of this rank ascend, and come first.
   template <class Visit>
-  void visit_rows(Visit&& visit) const {
-    std::vector<Index> ghost_at(ghost_position_.size());
-    for (Index ghost = 0; ghost < local() - owned_; ++ghost) ghost_at[static_cast<std::size_t>(ghost_position_[ghost])] = ghost;
-    std::vector<Block> blocks;
-    for (Index row = 0; row < owned_; ++row) {
-      blocks.clear();
-      for (const Part* part : {&diagonal_, &offdiagonal_}) {
-        const double* values = part->entries.data() + part->start[static_cast<std::size_t>(row)];
-        for (Index k = part->columns.offsets[row]; k < part->columns.offsets[row + 1]; ++k) {
-          const Index column = part->columns.values[static_cast<std::size_t>(k)];
-          blocks.push_back({part == &diagonal_ ? column : owned_ + ghost_at[static_cast<std::size_t>(column)],
-                            values + part->offset[static_cast<std::size_t>(k)], part->row_width[static_cast<std::size_t>(row)]});
-        }
-      }
-      visit(row, std::span<const Block>(blocks));
-    }
+  void visit_columns(Index row, Visit&& visit) const {
+    for (Index col : diagonal_.columns[row]) visit(col);
+    for (Index position : offdiagonal_.columns[row]) visit(owned_ + ghost_at_[static_cast<std::size_t>(position)]);
   }
 
   /// Makes the values ours to write (get) and PETSc's to use (put); writes go between the two.
@@ -101,29 +94,31 @@ class BlockMatrix {
 
     /// What has been appended to `row_columns` are those of each of so many rows.
     void repeat_columns(int rows);
+    /// Of the column of a row, which has it, among all columns.
+    [[nodiscard]] Index position(Index row, Index column) const;
+    /// The same, faster where it is the one behind that asked for last.
+    [[nodiscard]] Index find(Index row, Index column) {
+      const Index next = last + 1;
+      const bool is_next = next >= columns.offsets[row] && next < columns.offsets[row + 1] && columns.values[static_cast<std::size_t>(next)] == column;
+      return last = is_next ? next : position(row, column);
+    }
+    [[nodiscard]] Slot slot(Index i, Index position) const { return {values + start[i] + offset[static_cast<std::size_t>(position)], row_width[i]}; }
     [[nodiscard]] std::span<double> row(Index i) const { return {values + start[i], start[i + 1] - start[i]}; }
   };
-  struct Slot {
-    double* values;
-    Index step;  ///< From one row to the next.
-  };
-  /// Of the column of an owned row among all columns of a part, which has it.
-  [[nodiscard]] static Index position(const Part& part, Index row, Index column);
   /// Blocks of nodes, nearly all of them: the compiler unrolls what it knows the length of.
   template <int n>
   static void add_square(const Slot& slot, const double* block, int stride) {
     for (int a = 0; a < n; ++a)
       for (int b = 0; b < n; ++b) slot.values[a * slot.step + b] += block[a * stride + b];
   }
-  void add_graph_row(Index row, std::span<const Index> graph, std::span<const Index> ghost_at);
-  void create(const Layout& layout, std::span<const GlobalIndex> sorted_ghosts, std::span<const Index> ghost_at);
+  void add_graph_row(Index row, std::span<const Index> graph);
+  void create(const Layout& layout, std::span<const GlobalIndex> sorted_ghosts);
   void hand_over(MPI_Comm comm, PetscInt rows);
-  [[nodiscard]] Slot locate(Index row, Index col);
 
   int block_;
   Index owned_;
   std::vector<char> widths_;
-  std::vector<Index> ghost_position_;  ///< Of each ghost in the ascending order of global numbers.
+  std::vector<Index> ghost_at_, ghost_position_;  ///< Ghosts in the ascending order of global numbers, and the place of each in it.
   Part diagonal_, offdiagonal_;        ///< Columns of the latter: positions of ghosts.
   Handle<Mat> matrix_;
 };

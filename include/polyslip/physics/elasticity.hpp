@@ -34,9 +34,11 @@ Eigen::Matrix3d initial_stress(const std::array<Expression, 6>& entries, const E
 /// Factor gamma of the stabilisation [Pa].
 double stabilisation_factor(const Lame& lame, Stabilisation kind);
 
-/// Stiffness of one cell; `matrix` is row-major of shape (components(), components()), row first_component(j) + a.
-void local_stiffness(int dim, const spaces::VemCell& cell, const Lame& lame, double gamma, std::span<double> matrix);
+enum class Blocks { all, lower };  ///< Of a cell's matrix: every block (j, k), or those with k <= j.
+
+/// Stiffness of one cell; `matrix` is row-major of shape (components(), components()), row first_component(j) + a. Other blocks are not touched.
+void local_stiffness(int dim, const spaces::VemCell& cell, const Lame& lame, double gamma, std::span<double> matrix, Blocks blocks = Blocks::all);
 /// Its floating-point operations, but for bubbles along normals (they take another 2 dim^2 - 1 or so a block).
-double stiffness_flops(int dim, const spaces::VemCell& cell);
+double stiffness_flops(int dim, const spaces::VemCell& cell, Blocks blocks = Blocks::all);
 
 }  // namespace polyslip::physics

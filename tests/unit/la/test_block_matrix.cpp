@@ -11,7 +11,7 @@
 
 #include "polyslip/common/mpi.hpp"
 #include "polyslip/la/block_matrix.hpp"
-#include "polyslip/la/block_product.hpp"
+#include "polyslip/la/block_operator.hpp"
 #include "polyslip/la/vec_access.hpp"
 
 namespace polyslip::la {
@@ -175,37 +175,6 @@ TEST_P(block_matrix, has_the_block_size_that_multigrid_needs) {
     PetscInt size = 0;
     POLYSLIP_PETSC(MatGetBlockSize(matrix, &size));
     EXPECT_EQ(size, block_ > 0 ? block_ : 1);
-  }
-}
-
-TEST_P(block_matrix, is_multiplied_whole_or_by_its_lower_half) {
-  const auto entry = [](GlobalIndex i, GlobalIndex j) { return std::sin(1.0 + 3.0 * i + 7.0 * j); };
-  const auto x = [](GlobalIndex i) { return std::cos(2.0 * i); };
-  std::vector<double> whole(static_cast<std::size_t>(components_.owned)), by_halves(whole), found(whole.size(), 1e9), local;
-  const auto row_of = [&](std::vector<double>& y, GlobalIndex i) -> double& { return y[static_cast<std::size_t>(i - components_.first_owned)]; };
-  std::array<double, 9> block{};
-  matrix_.begin_writing();
-  for (Index row = 0; row < graph_.owned; ++row)
-    for (Index col : graph_.graph[row]) {
-      const int columns = components_.widths[col];
-      for (int a = 0; a < components_.widths[row]; ++a)
-        for (int b = 0; b < columns; ++b) {
-          const GlobalIndex i = components_.first[row] + a, j = components_.first[col] + b;
-          block[static_cast<std::size_t>(columns * a + b)] = entry(i, j);
-          row_of(whole, i) += entry(i, j) * x(j);
-          const bool is_lower = block_ > 0 ? col < row : j < i, is_upper = block_ > 0 ? col > row : j > i;  // of unlike entities by components
-          if (col >= graph_.owned || !is_upper) row_of(by_halves, i) += entry(i, j) * x(j);
-          if (col < graph_.owned && is_lower) row_of(by_halves, j) += entry(i, j) * x(i);
-        }
-      matrix_.add(row, col, block.data(), columns);
-    }
-  matrix_.end_writing();
-  for (Index i = 0; i < graph_.local(); ++i)
-    for (int a = 0; a < components_.widths[i]; ++a) local.push_back(x(components_.first[i] + a));
-  for (const auto& [halves, expected] : {std::pair(false, whole), std::pair(true, by_halves)}) {
-    const std::unique_ptr<BlockProduct> product = block_product(matrix_, halves);
-    for (int times = 0; times < 2; ++times) product->multiply(local, found);
-    for (std::size_t i = 0; i < expected.size(); ++i) EXPECT_NEAR(found[i], expected[i], 1e-12) << halves << " " << i;
   }
 }
 
