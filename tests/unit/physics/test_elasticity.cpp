@@ -15,10 +15,12 @@ using tests::Shape;
 
 constexpr Lame rock{1.3, 2.1};
 
-Eigen::MatrixXd stiffness(const mesh::PolyMesh& mesh, const VemCell& vem, double gamma, const Lame& lame = rock) {
+Eigen::MatrixXd stiffness(const mesh::PolyMesh& mesh, const VemCell& vem, double gamma, const Lame& lame = rock, Blocks blocks = Blocks::all,
+                          double untouched = 0) {
   const int n = vem.components();
   Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor> matrix(n, n);
-  local_stiffness(mesh.dim, vem, lame, gamma, {matrix.data(), static_cast<std::size_t>(n) * n});
+  matrix.setConstant(untouched);
+  local_stiffness(mesh.dim, vem, lame, gamma, {matrix.data(), static_cast<std::size_t>(n) * n}, blocks);
   return matrix;
 }
 
@@ -78,6 +80,19 @@ TEST_P(cell_stiffness, is_symmetric) {
   for_each_cell([&] {
     const Eigen::MatrixXd a = stiffness(mesh_, vem_, 2.6);
     EXPECT_LT((a - a.transpose()).norm(), 1e-14 * a.norm());
+  });
+}
+
+TEST_P(cell_stiffness, has_the_same_lower_blocks_alone) {
+  for_each_cell([&] {
+    const Eigen::MatrixXd all = stiffness(mesh_, vem_, 2.6), lower = stiffness(mesh_, vem_, 2.6, rock, Blocks::lower, 1e9);
+    for (int j = 0; j < vem_.size(); ++j)
+      for (int row = vem_.first_component(j); row < vem_.first_component(j + 1); ++row)
+        for (int col = 0; col < vem_.components(); ++col)
+          EXPECT_EQ(lower(row, col), col < vem_.first_component(j + 1) ? all(row, col) : 1e9) << row << " " << col;
+    const double share = stiffness_flops(mesh_.dim, vem_, Blocks::lower) / stiffness_flops(mesh_.dim, vem_);
+    EXPECT_GT(share, 0.5);
+    EXPECT_LT(share, 0.8);
   });
 }
 
