@@ -144,10 +144,10 @@ void NonlinearElimination::set_up_window() {
     POLYSLIP_PETSC(PCSetType(pc, PCLU));
     POLYSLIP_PETSC(PCFactorSetMatSolverType(pc, MATSOLVERMUMPS));
   } else {
-    // A strip of few rings that is held all around is well conditioned; to factorise it took a sixth of a contact problem's time.
+    // A strip of few rings that is held all around is well conditioned: an incomplete factorisation takes longer than the iterations it saves.
     POLYSLIP_PETSC(KSPSetType(ksp_, KSPGMRES));
     POLYSLIP_PETSC(KSPSetTolerances(ksp_, loose, PETSC_DEFAULT, PETSC_DEFAULT, 100));
-    POLYSLIP_PETSC(PCSetType(pc, PCBJACOBI));  // incomplete LU of each rank's rows
+    POLYSLIP_PETSC(PCSetType(pc, PCJACOBI));
   }
   POLYSLIP_PETSC(KSPSetFromOptions(ksp_));
   POLYSLIP_PETSC(MatCreateVecs(matrix_, solution_.put(), rhs_.put()));
