@@ -16,6 +16,7 @@
 #include "polyslip/la/aggregation_graph.hpp"
 #include "polyslip/la/aij_parts.hpp"
 #include "polyslip/la/block_rows.hpp"
+#include "polyslip/la/prolongation.hpp"
 #include "polyslip/la/rank_order.hpp"
 
 namespace polyslip::la {
@@ -565,6 +566,7 @@ PetscErrorCode find_pattern(Mat product) {
   if (its.type == MATPRODUCT_AB) {
     product->ops->axpy = add_subset;  // of P itself, for a smoothed one
   } else {
+    PetscCallCXX(multiply_by_blocks(its.B));
     PetscCallCXX(form_galerkin_products_by_blocks(product));
     PetscCallCXX(form_graphs_by_blocks(product));
   }

@@ -115,6 +115,48 @@ TEST_P(galerkin_product, follows_new_entries_of_both_factors) {
   EXPECT_LT(distance(galerkin(plain, prolongation), product), 1e-14);
 }
 
+TEST_P(galerkin_product, leaves_a_prolongation_that_is_multiplied_by_blocks) {
+  const la::Handle<Mat> prolongation = p(0.1);
+  la::Handle<Mat> plain;
+  POLYSLIP_PETSC(MatDuplicate(prolongation, MAT_COPY_VALUES, plain.put()));
+  by_blocks(galerkin, a(0.3), prolongation);
+  la::Handle<Vec> coarse, fine;
+  POLYSLIP_PETSC(MatCreateVecs(plain, coarse.put(), fine.put()));
+  const auto fill = [](Vec x, double seed) {
+    PetscInt begin = 0, end = 0;
+    POLYSLIP_PETSC(VecGetOwnershipRange(x, &begin, &end));
+    for (PetscInt i = begin; i < end; ++i) POLYSLIP_PETSC(VecSetValue(x, i, std::sin(seed + 2.3 * i), INSERT_VALUES));
+    POLYSLIP_PETSC(VecAssemblyBegin(x));
+    POLYSLIP_PETSC(VecAssemblyEnd(x));
+  };
+  const auto product = [&](Mat matrix, int kind) {
+    la::Handle<Vec> result;
+    fill(coarse, 0.2);
+    fill(fine, 0.5);
+    if (kind == 0) {  // into a vector of its own, and in place
+      POLYSLIP_PETSC(VecDuplicate(fine, result.put()));
+      POLYSLIP_PETSC(MatMultAdd(matrix, coarse, fine, result));
+    } else if (kind == 1) {
+      POLYSLIP_PETSC(VecDuplicate(fine, result.put()));
+      POLYSLIP_PETSC(VecCopy(fine, result));
+      POLYSLIP_PETSC(MatMultAdd(matrix, coarse, result, result));
+    } else {
+      POLYSLIP_PETSC(VecDuplicate(coarse, result.put()));
+      POLYSLIP_PETSC(VecSet(result, 1e9));
+      POLYSLIP_PETSC(MatMultTranspose(matrix, fine, result));
+    }
+    return result;
+  };
+  for (int kind = 0; kind < 3; ++kind) {
+    const la::Handle<Vec> expected = product(plain, kind), found = product(prolongation, kind);
+    PetscReal size = 0, difference = 0;
+    POLYSLIP_PETSC(VecNorm(expected, NORM_2, &size));
+    POLYSLIP_PETSC(VecAXPY(found, -1, expected));
+    POLYSLIP_PETSC(VecNorm(found, NORM_2, &difference));
+    EXPECT_LT(difference, 1e-14 * size) << kind;
+  }
+}
+
 TEST_P(galerkin_product, of_the_left_factor_alone_is_that_of_petsc) {
   const la::Handle<Mat> prolongation = p(0.1);
   const la::Handle<Mat> expected = left(a(0.3), prolongation), product = by_blocks(left, a(0.3), prolongation);
