@@ -5,6 +5,8 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <memory>
+#include <utility>
 #include <vector>
 
 #include "polyslip/la/block_rows.hpp"
@@ -21,14 +23,14 @@ AijEntries sums_of_blocks(Mat matrix) {
   AijEntries sums;
   sums.offsets.reserve(static_cast<std::size_t>(rows.rows()) + 1);
   sums.columns.reserve(static_cast<std::size_t>(rows.blocks()));
-  sums.values.reserve(static_cast<std::size_t>(rows.blocks()));
+  sums.values = std::make_unique_for_overwrite<PetscScalar[]>(static_cast<std::size_t>(rows.blocks()));
   for (Index i = 0; i < rows.rows(); ++i) {
     rows.visit(i, [&](Index column, const double* block, PetscInt width) {
       double sum = 0;
       for (int r = 0; r < b; ++r)
         for (int c = 0; c < b; ++c) sum += std::abs(block[r * width + c]);
+      sums.values[sums.columns.size()] = sum;
       sums.columns.push_back(column);
-      sums.values.push_back(sum);
     });
     sums.offsets.push_back(static_cast<PetscInt>(sums.columns.size()));
   }
@@ -37,7 +39,7 @@ AijEntries sums_of_blocks(Mat matrix) {
 
 /// 1/sqrt(G_II) of the rows of this rank, and of the nodes that columns of others belong to.
 std::array<std::vector<double>, 2> scales(MPI_Comm comm, const AijEntries& own, const std::vector<GlobalIndex>& ghosts) {
-  const auto rows = static_cast<PetscInt>(own.offsets.size()) - 1;
+  const PetscInt rows = own.rows();
   Handle<Vec> scale, of_ghosts;
   POLYSLIP_PETSC(VecCreateMPI(comm, rows, PETSC_DETERMINE, scale.put()));
   {
@@ -77,11 +79,10 @@ void filter(AijEntries& entries, double threshold) {
     entries.offsets[row] = static_cast<PetscInt>(kept);
   }
   entries.columns.resize(kept);
-  entries.values.resize(kept);
 }
 
 template <int b>
-void assemble_graph(Mat matrix, bool is_scaled, double threshold, Mat graph) {
+Handle<Mat> graph_of(Mat matrix, bool is_scaled, double threshold) {
   const AijParts parts(matrix);
   AijEntries own = sums_of_blocks<b>(parts.own), others;
   const std::vector<GlobalIndex> ghosts = ghosts_of(parts, b);
@@ -99,20 +100,14 @@ void assemble_graph(Mat matrix, bool is_scaled, double threshold, Mat graph) {
   for (PetscInt& column : others.columns) column = ghosts[static_cast<std::size_t>(column)];
   if (threshold >= 0)
     for (AijEntries* entries : {&own, &others}) filter(*entries, threshold);
-  assemble_by_parts(graph, own, others);
+  const PetscInt rows = own.rows();
+  return matrix_of(comm_of(matrix), rows, std::move(own), std::move(others));
 }
 
 template <int b>
 PetscErrorCode create_graph(Mat matrix, PetscBool, PetscBool is_scaled, PetscReal threshold, Mat* graph) {
   PetscFunctionBeginUser;
-  MatType type = nullptr;
-  PetscInt rows = 0;
-  PetscCall(MatGetLocalSize(matrix, &rows, nullptr));
-  PetscCall(MatGetType(matrix, &type));
-  PetscCall(MatCreate(comm_of(matrix), graph));
-  PetscCall(MatSetSizes(*graph, rows / b, rows / b, PETSC_DETERMINE, PETSC_DETERMINE));
-  PetscCall(MatSetType(*graph, type));
-  PetscCallCXX(assemble_graph<b>(matrix, is_scaled == PETSC_TRUE, threshold, *graph));
+  PetscCallCXX(*graph = graph_of<b>(matrix, is_scaled == PETSC_TRUE, threshold).release());
   PetscCall(MatSetOption(*graph, MAT_SYMMETRIC, PETSC_TRUE));
   PetscFunctionReturn(0);
 }

@@ -58,12 +58,12 @@ void BlockMatrix::create(const Layout& layout, std::span<const GlobalIndex> sort
   std::vector<PetscInt> first_of{0};  // local row of each owned entity
   for (Index i = 0; i < owned_; ++i) first_of.push_back(first_of.back() + width(i));
   const auto append = [](Part& part, PetscInt first, int n) {
-    for (int b = 0; b < n; ++b) part.row_columns.push_back(first + b);
+    for (int b = 0; b < n; ++b) part.entries.columns.push_back(first + b);
   };
   for (Part* part : {&diagonal_, &offdiagonal_}) {
-    part->row_columns.reserve(part->start.back());
-    part->row_offsets.reserve(static_cast<std::size_t>(first_of.back()) + 1);
-    part->entries.resize(part->start.back());
+    part->entries.columns.reserve(part->start.back());
+    part->entries.offsets.reserve(static_cast<std::size_t>(first_of.back()) + 1);
+    part->entries.values = std::make_unique<PetscScalar[]>(part->start.back());
   }
   for (Index row = 0; row < owned_; ++row) {
     for (Index col : diagonal_.columns[row]) append(diagonal_, first_of[static_cast<std::size_t>(col)], width(col));
@@ -71,34 +71,25 @@ void BlockMatrix::create(const Layout& layout, std::span<const GlobalIndex> sort
       append(offdiagonal_, sorted_ghosts[static_cast<std::size_t>(ghost)], width(owned_ + ghost_at_[static_cast<std::size_t>(ghost)]));
     for (Part* part : {&diagonal_, &offdiagonal_}) part->repeat_columns(width(row));
   }
-  hand_over(layout.comm, first_of.back());
+  matrix_ = matrix_on(layout.comm, first_of.back(), diagonal_.entries, offdiagonal_.entries);
+  const AijParts parts(matrix_);
+  diagonal_.matrix = parts.own;
+  offdiagonal_.matrix = parts.others;
+  if (widths_.empty()) POLYSLIP_PETSC(MatSetBlockSize(matrix_, block_));
   POLYSLIP_PETSC(MatSetOption(matrix_, MAT_NEW_NONZERO_LOCATION_ERR, PETSC_TRUE));
   POLYSLIP_PETSC(MatSetOption(matrix_, MAT_NO_OFF_PROC_ENTRIES, PETSC_TRUE));
 }
 
 void BlockMatrix::Part::repeat_columns(int rows) {
-  const auto begin = static_cast<std::size_t>(row_offsets.back()), n = row_columns.size() - begin;
+  std::vector<PetscInt>& all = entries.columns;
+  const auto begin = static_cast<std::size_t>(entries.offsets.back()), n = all.size() - begin;
   for (int a = 0; a < rows; ++a) {
     if (a > 0) {
-      row_columns.resize(row_columns.size() + n);
-      std::copy_n(row_columns.end() - 2 * static_cast<std::ptrdiff_t>(n), n, row_columns.end() - static_cast<std::ptrdiff_t>(n));
+      all.resize(all.size() + n);
+      std::copy_n(all.end() - 2 * static_cast<std::ptrdiff_t>(n), n, all.end() - static_cast<std::ptrdiff_t>(n));
     }
-    row_offsets.push_back(static_cast<PetscInt>(row_columns.size()));
+    entries.offsets.push_back(static_cast<PetscInt>(all.size()));
   }
-}
-
-void BlockMatrix::hand_over(MPI_Comm comm, PetscInt rows) {
-  if (mpi::size(comm) == 1) {
-    POLYSLIP_PETSC(MatCreateSeqAIJWithArrays(comm, rows, rows, diagonal_.row_offsets.data(), diagonal_.row_columns.data(),
-                                             diagonal_.entries.data(), matrix_.put()));
-    diagonal_.matrix = matrix_;
-  } else {
-    POLYSLIP_PETSC(MatCreateMPIAIJWithSplitArrays(comm, rows, rows, PETSC_DETERMINE, PETSC_DETERMINE, diagonal_.row_offsets.data(),
-                                                  diagonal_.row_columns.data(), diagonal_.entries.data(), offdiagonal_.row_offsets.data(),
-                                                  offdiagonal_.row_columns.data(), offdiagonal_.entries.data(), matrix_.put()));
-    POLYSLIP_PETSC(MatMPIAIJGetSeqAIJ(matrix_, &diagonal_.matrix, &offdiagonal_.matrix, nullptr));
-  }
-  if (widths_.empty()) POLYSLIP_PETSC(MatSetBlockSize(matrix_, block_));
 }
 
 void BlockMatrix::begin_writing() {
@@ -120,7 +111,7 @@ void BlockMatrix::end_writing() {
 std::vector<double> BlockMatrix::diagonal() const {
   std::vector<double> entries;
   for (Index i = 0; i < owned_; ++i) {
-    const double* entry = diagonal_.entries.data() + diagonal_.start[static_cast<std::size_t>(i)] +
+    const double* entry = diagonal_.entries.values.get() + diagonal_.start[static_cast<std::size_t>(i)] +
                           diagonal_.offset[static_cast<std::size_t>(diagonal_.position(i, i))];
     for (int a = 0; a < width(i); ++a, entry += diagonal_.row_width[static_cast<std::size_t>(i)] + 1) entries.push_back(*entry);
   }

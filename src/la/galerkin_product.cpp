@@ -207,17 +207,10 @@ class ProductWithP : public Product {
     return rows;
   }
 
-  /// The product with all entries zero; its rows of blocks of r x c entries.
+  /// Gives the product its entries, to be written yet: rows of blocks of r x c.
   template <int r>
-  void preallocate(Mat p, const Csr& rows, Index count, Mat product) const {
-    MatType type = nullptr;
-    PetscInt total = 0;
-    POLYSLIP_PETSC(MatGetType(p, &type));
-    POLYSLIP_PETSC(MatGetSize(p, nullptr, &total));
-    POLYSLIP_PETSC(MatSetSizes(product, count * r, owned_ * c, PETSC_DETERMINE, total));
-    POLYSLIP_PETSC(MatSetType(product, type));
-    POLYSLIP_PETSC(MatSetBlockSizes(product, r, c));
-    const auto pattern = [&](auto&& is_in_it, auto&& number) {
+  void set_pattern(const Csr& rows, Index count, Mat product) const {
+    const auto entries_of = [&](auto&& is_in_it, auto&& number) {
       AijEntries entries;
       std::vector<PetscInt> of_row;
       entries.offsets.reserve(static_cast<std::size_t>(count * r) + 1);
@@ -231,12 +224,17 @@ class ProductWithP : public Product {
           entries.offsets.push_back(static_cast<PetscInt>(entries.columns.size()));
         }
       }
+      entries.values = std::make_unique_for_overwrite<PetscScalar[]>(entries.columns.size());
       return entries;
     };
     AijEntries others;
     others.offsets.assign(static_cast<std::size_t>(count * r) + 1, 0);
-    if (!ghosts_.empty()) others = pattern([&](Index column) { return column >= owned_; }, [&](Index column) { return global(column); });
-    assemble_by_parts(product, pattern([&](Index column) { return column < owned_; }, [](Index column) { return column; }), others);
+    if (!ghosts_.empty()) others = entries_of([&](Index column) { return column >= owned_; }, [&](Index column) { return global(column); });
+    AijEntries own = entries_of([&](Index column) { return column < owned_; }, [](Index column) { return column; });
+    Mat matrix = matrix_of(comm_of(product), owned_ * c, std::move(own), std::move(others)).release();
+    POLYSLIP_PETSC(MatSetBlockSizes(matrix, r, c));
+    matrix->product = std::exchange(product->product, nullptr);
+    POLYSLIP_PETSC(MatHeaderReplace(product, &matrix));
   }
 
   Index owned_ = 0;                  ///< Aggregates of this rank.
@@ -310,7 +308,7 @@ class ProductAp final : public ProductWithP<b, c> {
       rows_ = Base::columns_of_rows(factors);
     }
     for (Index i = 0; i < rows_.rows(); ++i) std::sort(rows_[i].begin(), rows_[i].end());
-    Base::template preallocate<b>(p, rows_, rows_.rows(), product);
+    Base::template set_pattern<b>(rows_, rows_.rows(), product);
   }
 
   void multiply(Mat a, Mat p, Mat product) override {
@@ -347,7 +345,7 @@ class ProductPtAp final : public ProductWithP<b, c> {
       find_rows(factors);
     }
     exchange_rows(product);
-    Base::template preallocate<c>(p, rows_, owned_, product);
+    Base::template set_pattern<c>(rows_, owned_, product);
   }
 
   void multiply(Mat a, Mat p, Mat product) override {

@@ -1,6 +1,7 @@
 // Access to the local matrices that a MATAIJ consists of.
 #pragma once
 
+#include <memory>
 #include <vector>
 
 #include "polyslip/la/handle.hpp"
@@ -73,22 +74,15 @@ struct AijParts {
 /// A local matrix by compressed rows, of ascending columns.
 struct AijEntries {
   std::vector<PetscInt> offsets{0}, columns;
-  std::vector<PetscScalar> values;  ///< Zeros where empty.
+  std::unique_ptr<PetscScalar[]> values;
+
+  [[nodiscard]] PetscInt rows() const { return static_cast<PetscInt>(offsets.size()) - 1; }
 };
 
-/// Gives a MATAIJ with its type and sizes all its entries: those in columns of this rank by local numbers, and the others by numbers over all
-/// ranks (not read on one rank). Part by part: MatMPIAIJSetPreallocationCSR takes longer, as it looks for the place of each entry. Collective.
-inline void assemble_by_parts(Mat matrix, const AijEntries& own, const AijEntries& others) {
-  POLYSLIP_PETSC(MatMPIAIJSetPreallocation(matrix, 0, nullptr, 0, nullptr));
-  const AijParts parts(matrix);
-  const auto give = [](Mat part, const AijEntries& entries) {
-    const PetscScalar* values = entries.values.empty() ? nullptr : entries.values.data();
-    POLYSLIP_PETSC(MatSeqAIJSetPreallocationCSR(part, entries.offsets.data(), entries.columns.data(), values));
-  };
-  give(parts.own, own);
-  if (parts.others != nullptr) give(parts.others, others);
-  POLYSLIP_PETSC(MatAssemblyBegin(matrix, MAT_FINAL_ASSEMBLY));
-  POLYSLIP_PETSC(MatAssemblyEnd(matrix, MAT_FINAL_ASSEMBLY));
-}
+/// A MATAIJ of all its entries: those in columns of this rank by local numbers, and the others by numbers over all ranks (not read on one rank;
+/// PETSc numbers them anew). Nothing is copied: the entries must outlive the matrix. Collective.
+Handle<Mat> matrix_on(MPI_Comm comm, PetscInt columns, AijEntries& own, AijEntries& others);
+/// The same, and the matrix keeps them.
+Handle<Mat> matrix_of(MPI_Comm comm, PetscInt columns, AijEntries own, AijEntries others);
 
 }  // namespace polyslip::la

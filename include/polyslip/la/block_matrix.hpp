@@ -9,6 +9,7 @@
 #include <vector>
 
 #include "polyslip/common/types.hpp"
+#include "polyslip/la/aij_parts.hpp"
 #include "polyslip/la/handle.hpp"
 
 namespace polyslip::la {
@@ -86,21 +87,20 @@ class BlockMatrix {
     std::vector<Index> offset;     ///< Components before each of them in the row.
     std::vector<Index> row_width;  ///< Components of a row, one an owned entity.
     std::vector<std::size_t> start{0};  ///< First value of each owned entity.
-    std::vector<PetscInt> row_offsets{0}, row_columns;  ///< The matrix by rows of components, as PETSc reads it: it is not copied.
-    std::vector<PetscScalar> entries;
+    AijEntries entries;            ///< The matrix by rows of components, as PETSc reads it: it is not copied.
     Mat matrix = nullptr;          ///< Borrowed.
     double* values = nullptr;      ///< While being written.
     Index last = -1;               ///< Position in `columns` that was found last: the next one asked for is often the one behind it.
 
-    /// What has been appended to `row_columns` are those of each of so many rows.
+    /// What has been appended to the columns of the entries are those of each of so many rows.
     void repeat_columns(int rows);
     /// Of the column of a row, which has it, among all columns.
     [[nodiscard]] Index position(Index row, Index column) const;
     /// The same, faster where it is the one behind that asked for last.
     [[nodiscard]] Index find(Index row, Index column) {
       const Index next = last + 1;
-      const bool is_next = next >= columns.offsets[row] && next < columns.offsets[row + 1] && columns.values[static_cast<std::size_t>(next)] == column;
-      return last = is_next ? next : position(row, column);
+      const bool is_in_row = next >= columns.offsets[row] && next < columns.offsets[row + 1];
+      return last = is_in_row && columns.values[static_cast<std::size_t>(next)] == column ? next : position(row, column);
     }
     [[nodiscard]] Slot slot(Index i, Index position) const { return {values + start[i] + offset[static_cast<std::size_t>(position)], row_width[i]}; }
     [[nodiscard]] std::span<double> row(Index i) const { return {values + start[i], start[i + 1] - start[i]}; }
@@ -113,7 +113,6 @@ class BlockMatrix {
   }
   void add_graph_row(Index row, std::span<const Index> graph);
   void create(const Layout& layout, std::span<const GlobalIndex> sorted_ghosts);
-  void hand_over(MPI_Comm comm, PetscInt rows);
 
   int block_;
   Index owned_;

@@ -75,6 +75,8 @@ class Handle {
     reset();
     return &object_;
   }
+  /// Gives the object away, to PETSc.
+  [[nodiscard]] T release() { return std::exchange(object_, nullptr); }
   void reset() {
     if (object_ != nullptr) Destroyer<T>::apply(&object_);
     object_ = nullptr;
