@@ -1,44 +1,8 @@
 #include "polyslip/la/block_operator.hpp"
 
-#include <Eigen/Core>
-#include <array>
+#include "polyslip/la/lanes.hpp"
 
 namespace polyslip::la {
-
-namespace {
-
-constexpr int lanes_of(int b) { return b == 3 ? 4 : b; }
-constexpr std::size_t beyond = 1;  ///< Numbers behind the last block that are read, too: of lanes less components.
-
-/// Rows of blocks are read as vectors of the processor, too, but stored without gaps: what follows them meets the zeros behind the components
-/// of a node, or adds to lanes that nobody reads.
-template <int b>
-using Lanes = Eigen::Array<double, lanes_of(b), 1>;
-template <int b>
-auto lanes(const double* values) {
-  return Eigen::Map<const Lanes<b>>(values);
-}
-template <int b>
-auto lanes(double* values) {
-  return Eigen::Map<Lanes<b>>(values);
-}
-template <int b, class Number>
-Number* node(Number* values, Index i) {
-  return values + static_cast<std::ptrdiff_t>(i) * lanes_of(b);
-}
-
-/// Products of the rows of blocks with vectors, summed up by lanes.
-template <int b>
-struct Sums {
-  std::array<Lanes<b>, b> of_row;
-  Sums() { of_row.fill(Lanes<b>::Zero()); }
-  void add(const double* block, const double* x) {
-    const Lanes<b> factor = lanes<b>(x);
-    for (int r = 0; r < b; ++r) of_row[r] += lanes<b>(block + r * b) * factor;
-  }
-};
-
-}  // namespace
 
 BlockOperator::BlockOperator(const BlockMatrix& pattern, bool by_halves)
     : owned_(pattern.owned()), width_(pattern.common_width()), by_halves_(by_halves), first_{0} {
@@ -59,7 +23,7 @@ BlockOperator::BlockOperator(const BlockMatrix& pattern, bool by_halves)
         start_.push_back(size);
         size += static_cast<std::size_t>(width(row) * width(col));
       }
-  values_.resize(size + beyond);
+  values_.resize(size + beyond_blocks);
 }
 
 void BlockOperator::write_to(BlockMatrix& matrix) const {

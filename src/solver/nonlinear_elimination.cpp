@@ -98,7 +98,10 @@ bool NonlinearElimination::choose_rows() {
 
 void NonlinearElimination::mark_neighbours(const std::vector<PetscInt>& rows) {
   std::vector<PetscScalar> ones;
-  for (PetscInt row : rows) {
+  PetscInt block = 1;  // rows with the same columns
+  POLYSLIP_PETSC(MatGetBlockSize(system_.matrix(), &block));
+  for (std::size_t k = 0; k < rows.size(); k += static_cast<std::size_t>(block)) {
+    const PetscInt row = rows[k];
     PetscInt n = 0;
     const PetscInt* columns = nullptr;
     POLYSLIP_PETSC(MatGetRow(system_.matrix(), row, &n, &columns, nullptr));
@@ -127,17 +130,15 @@ void NonlinearElimination::forget_window() {
 
 /// The last one again where it has the same rows.
 void NonlinearElimination::set_up_window() {
-  const bool again = matrix_ != nullptr;
-  if (!again)
-    POLYSLIP_PETSC(ISCreateGeneral(system_.mesh().comm, static_cast<PetscInt>(rows_.size()), rows_.data(), PETSC_COPY_VALUES, window_.put()));
-  Mat matrix = matrix_;
-  POLYSLIP_PETSC(MatCreateSubMatrix(system_.matrix(), window_, window_, again ? MAT_REUSE_MATRIX : MAT_INITIAL_MATRIX, &matrix));
-  if (again) return;
-  matrix_ = la::Handle<Mat>(matrix);
+  if (ksp_ != nullptr) {
+    if (matrix_ == nullptr) return blocks_->copy_again();
+    Mat matrix = matrix_;
+    POLYSLIP_PETSC(MatCreateSubMatrix(system_.matrix(), window_, window_, MAT_REUSE_MATRIX, &matrix));
+    return;
+  }
   PC pc = nullptr;
   POLYSLIP_PETSC(KSPCreate(system_.mesh().comm, ksp_.put()));
   POLYSLIP_PETSC(KSPSetOptionsPrefix(ksp_, prefix));
-  POLYSLIP_PETSC(KSPSetOperators(ksp_, matrix_, matrix_));
   POLYSLIP_PETSC(KSPGetPC(ksp_, &pc));
   if (system_.layout().dim() == 2) {
     POLYSLIP_PETSC(KSPSetType(ksp_, KSPPREONLY));
@@ -150,7 +151,20 @@ void NonlinearElimination::set_up_window() {
     POLYSLIP_PETSC(PCSetType(pc, PCJACOBI));
   }
   POLYSLIP_PETSC(KSPSetFromOptions(ksp_));
-  POLYSLIP_PETSC(MatCreateVecs(matrix_, solution_.put(), rhs_.put()));
+  PetscBool multiplies_alone = PETSC_FALSE;
+  POLYSLIP_PETSC(PetscObjectTypeCompareAny(reinterpret_cast<PetscObject>(pc), &multiplies_alone, PCJACOBI, PCNONE, ""));
+  if (multiplies_alone) {
+    if (!blocks_) blocks_.emplace(system_.matrix());
+    std::vector<PetscInt> rows(rows_.size());
+    std::transform(rows_.begin(), rows_.end(), rows.begin(), [&](PetscInt row) { return row - system_.layout().first(); });
+    blocks_->copy(rows);
+  } else {
+    POLYSLIP_PETSC(ISCreateGeneral(system_.mesh().comm, static_cast<PetscInt>(rows_.size()), rows_.data(), PETSC_COPY_VALUES, window_.put()));
+    POLYSLIP_PETSC(MatCreateSubMatrix(system_.matrix(), window_, window_, MAT_INITIAL_MATRIX, matrix_.put()));
+  }
+  Mat matrix = multiplies_alone ? blocks_->get() : matrix_.get();
+  POLYSLIP_PETSC(KSPSetOperators(ksp_, matrix, matrix));
+  POLYSLIP_PETSC(MatCreateVecs(matrix, solution_.put(), rhs_.put()));
 }
 
 /// Once for all steps of an elimination.

@@ -18,6 +18,7 @@ class BlockRows {
 
   [[nodiscard]] Index rows() const { return rows_.rows() / r; }
   [[nodiscard]] Index blocks() const { return rows_.offsets()[rows_.rows()] / (r * c); }
+  [[nodiscard]] Index row_size(Index i) const { return (rows_.offsets()[i * r + 1] - rows_.offsets()[i * r]) / c; }  ///< Blocks.
   /// visit(column, first entry, entries from one row to the next) for the blocks of row i.
   template <class Visit>
   void visit(Index i, Visit&& visit) const {

@@ -12,9 +12,11 @@
 // to solve. So it takes about as many iterations on fine meshes as on coarse ones.
 #pragma once
 
+#include <optional>
 #include <vector>
 
 #include "polyslip/assembly/mechanics_system.hpp"
+#include "polyslip/la/principal_submatrix.hpp"
 
 namespace polyslip::solver {
 
@@ -46,8 +48,9 @@ class NonlinearElimination {
   double total_ = 0;            ///< Their 2-norm over all ranks.
   std::vector<char> is_unsettled_;  ///< By owned face: S.
   std::vector<PetscInt> rows_;  ///< W: owned rows of the matrix, global numbers, ascending.
+  std::optional<la::PrincipalSubmatrix> blocks_;  ///< Rows and columns of W, where solvers need no more than products with them,
   la::Handle<IS> window_;
-  la::Handle<Mat> matrix_;      ///< Rows and columns of W; a shell where that is all of the rock.
+  la::Handle<Mat> matrix_;      ///< or those as a matrix of PETSc; a shell where W is all of the rock.
   la::Handle<KSP> ksp_;
   la::Handle<Vec> rhs_, solution_;
   PetscReal most_;              ///< -elimination_share: of all displacements that W may have (0: no elimination)

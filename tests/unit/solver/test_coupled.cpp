@@ -209,6 +209,37 @@ TEST(coupled_elimination, leaves_contact_rows_alone_that_are_solved) {
   EXPECT_GT(rested, 2) << "short solves of what fluid and rock do are nothing to contact";
 }
 
+TEST(coupled_elimination, solves_windows_as_options_say) {
+  const ScopedOption type("-elimination_ksp_type", "gmres"), tight("-elimination_ksp_rtol", "1e-12"), long_enough("-elimination_ksp_max_it", "999"),
+      all("-elimination_share", "1");
+  for (const Shape& shape : {Shape{2, "quads"}, Shape{3, "hexahedra"}}) {
+    SCOPED_TRACE(shape.name);
+    CoupledScene scene(shape, {.friction = 0.4}, 8);
+    CoupledSystem& system = *scene.system;
+    const la::Handle<Vec> before = system.create_vector(), f = system.create_vector(), start = random_state(system, 2, 0, 0.1, 0);
+    ASSERT_TRUE(system.begin_step(before, 0.3));
+    scene.flow->set_loads(scene.flow->load_assembler().at(1));
+    system.set_loads(system.load_assembler().at(1));
+    const auto improved = [&](const char* preconditioner) {
+      const ScopedOption chosen("-elimination_pc_type", preconditioner);
+      la::Handle<Vec> z = system.create_vector();
+      POLYSLIP_PETSC(VecCopy(start, z));
+      system.residual(z, f);
+      solver::NonlinearElimination elimination(system);
+      elimination.improve(z, f);
+      EXPECT_GT(elimination.steps(), 0) << preconditioner;
+      return z;
+    };
+    const la::Handle<Vec> by_products = improved("jacobi"), by_matrix = improved("bjacobi");
+    PetscReal moved = 0, difference = 0;
+    POLYSLIP_PETSC(VecAXPY(by_matrix, -1, by_products));
+    POLYSLIP_PETSC(VecNorm(by_matrix, NORM_2, &difference));
+    POLYSLIP_PETSC(VecAXPY(by_products, -1, start));
+    POLYSLIP_PETSC(VecNorm(by_products, NORM_2, &moved));
+    EXPECT_LT(difference, 1e-8 * moved);
+  }
+}
+
 TEST(coupled_rows, are_measured_one_by_one_and_by_what_they_lose_together) {
   CoupledScene scene({2, "quads"}, {});
   CoupledSystem& system = *scene.system;
