@@ -53,6 +53,7 @@ FlowOperator::FlowOperator(const mesh::DistributedMesh& mesh, const FlowLayout& 
                                               graph());
   const std::vector<Index> tight_ridges = layout.with_fractures() ? ridges_of_barriers(barriers) : std::vector<Index>();
   matrix_->begin_writing();
+  matrix_->set_zero();
   mpi::together(mesh.comm, [&] {
     assemble_rock(rock, viscosity);
     if (layout.with_fractures()) measure_fractures(barriers, tight_ridges);

@@ -292,9 +292,14 @@ void MechanicsSystem::write_bulk() {
     bulk_->write_to(*matrix_);
   }
   bulk_rows_.clear();
-  for (Index row : contact_rows_)
-    for (auto values : {matrix_->diagonal_row(row), matrix_->offdiagonal_row(row)})
-      bulk_rows_.insert(bulk_rows_.end(), values.begin(), values.end());
+  const auto visit = [&](auto&& take) {
+    for (Index row : contact_rows_)
+      for (auto values : {matrix_->diagonal_row(row), matrix_->offdiagonal_row(row)}) take(values);
+  };
+  std::size_t size = 0;
+  visit([&](std::span<const double> values) { size += values.size(); });
+  bulk_rows_.reserve(size);
+  visit([&](std::span<const double> values) { bulk_rows_.insert(bulk_rows_.end(), values.begin(), values.end()); });
   matrix_->end_writing();
   content_ = MatrixContent::bulk;
 }

@@ -5,7 +5,6 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
-#include <memory>
 #include <utility>
 #include <vector>
 
@@ -23,14 +22,14 @@ AijEntries sums_of_blocks(Mat matrix) {
   AijEntries sums;
   sums.offsets.reserve(static_cast<std::size_t>(rows.rows()) + 1);
   sums.columns.reserve(static_cast<std::size_t>(rows.blocks()));
-  sums.values = std::make_unique_for_overwrite<PetscScalar[]>(static_cast<std::size_t>(rows.blocks()));
+  sums.values.reserve(static_cast<std::size_t>(rows.blocks()));
   for (Index i = 0; i < rows.rows(); ++i) {
     rows.visit(i, [&](Index column, const double* block, PetscInt width) {
       double sum = 0;
       for (int r = 0; r < b; ++r)
         for (int c = 0; c < b; ++c) sum += std::abs(block[r * width + c]);
-      sums.values[sums.columns.size()] = sum;
       sums.columns.push_back(column);
+      sums.values.push_back(sum);
     });
     sums.offsets.push_back(static_cast<PetscInt>(sums.columns.size()));
   }
@@ -79,6 +78,7 @@ void filter(AijEntries& entries, double threshold) {
     entries.offsets[row] = static_cast<PetscInt>(kept);
   }
   entries.columns.resize(kept);
+  entries.values.resize(kept);
 }
 
 template <int b>

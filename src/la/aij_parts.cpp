@@ -11,10 +11,10 @@ Handle<Mat> matrix_on(MPI_Comm comm, PetscInt columns, AijEntries& own, AijEntri
   Handle<Mat> matrix;
   const PetscInt rows = own.rows();
   if (mpi::size(comm) == 1)
-    POLYSLIP_PETSC(MatCreateSeqAIJWithArrays(comm, rows, columns, own.offsets.data(), own.columns.data(), own.values.get(), matrix.put()));
+    POLYSLIP_PETSC(MatCreateSeqAIJWithArrays(comm, rows, columns, own.offsets.data(), own.columns.data(), own.values.data(), matrix.put()));
   else
     POLYSLIP_PETSC(MatCreateMPIAIJWithSplitArrays(comm, rows, columns, PETSC_DETERMINE, PETSC_DETERMINE, own.offsets.data(), own.columns.data(),
-                                                  own.values.get(), others.offsets.data(), others.columns.data(), others.values.get(),
+                                                  own.values.data(), others.offsets.data(), others.columns.data(), others.values.data(),
                                                   matrix.put()));
   return matrix;
 }

@@ -63,7 +63,7 @@ void BlockMatrix::create(const Layout& layout, std::span<const GlobalIndex> sort
   for (Part* part : {&diagonal_, &offdiagonal_}) {
     part->entries.columns.reserve(part->start.back());
     part->entries.offsets.reserve(static_cast<std::size_t>(first_of.back()) + 1);
-    part->entries.values = std::make_unique<PetscScalar[]>(part->start.back());
+    part->entries.values.resize(part->start.back());
   }
   for (Index row = 0; row < owned_; ++row) {
     for (Index col : diagonal_.columns[row]) append(diagonal_, first_of[static_cast<std::size_t>(col)], width(col));
@@ -81,7 +81,7 @@ void BlockMatrix::create(const Layout& layout, std::span<const GlobalIndex> sort
 }
 
 void BlockMatrix::Part::repeat_columns(int rows) {
-  std::vector<PetscInt>& all = entries.columns;
+  UnsetVector<PetscInt>& all = entries.columns;
   const auto begin = static_cast<std::size_t>(entries.offsets.back()), n = all.size() - begin;
   for (int a = 0; a < rows; ++a) {
     if (a > 0) {
@@ -95,6 +95,10 @@ void BlockMatrix::Part::repeat_columns(int rows) {
 void BlockMatrix::begin_writing() {
   for (Part* part : {&diagonal_, &offdiagonal_})
     if (part->matrix != nullptr) POLYSLIP_PETSC(MatSeqAIJGetArray(part->matrix, &part->values));
+}
+
+void BlockMatrix::set_zero() {
+  for (Part* part : {&diagonal_, &offdiagonal_}) std::fill_n(part->values, part->start.back(), 0.0);
 }
 
 void BlockMatrix::end_writing() {
@@ -111,7 +115,7 @@ void BlockMatrix::end_writing() {
 std::vector<double> BlockMatrix::diagonal() const {
   std::vector<double> entries;
   for (Index i = 0; i < owned_; ++i) {
-    const double* entry = diagonal_.entries.values.get() + diagonal_.start[static_cast<std::size_t>(i)] +
+    const double* entry = diagonal_.entries.values.data() + diagonal_.start[static_cast<std::size_t>(i)] +
                           diagonal_.offset[static_cast<std::size_t>(diagonal_.position(i, i))];
     for (int a = 0; a < width(i); ++a, entry += diagonal_.row_width[static_cast<std::size_t>(i)] + 1) entries.push_back(*entry);
   }

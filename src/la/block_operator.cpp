@@ -27,21 +27,32 @@ BlockOperator::BlockOperator(const BlockMatrix& pattern, bool by_halves)
 }
 
 void BlockOperator::write_to(BlockMatrix& matrix) const {
+  switch (width_) {
+    case 2: return write_blocks<2>(matrix);
+    case 3: return write_blocks<3>(matrix);
+    default: return write_blocks<0>(matrix);
+  }
+}
+
+/// Of b x b entries; 0 where the compiler does not know that.
+template <int b>
+void BlockOperator::write_blocks(BlockMatrix& matrix) const {
   std::vector<Index> next(static_cast<std::size_t>(owned_));  // place of the next block above the diagonal, in each row: they come in order
+  const double* block = values_.data();
   for (Index row = 0; row < owned_; ++row) {
     const Index begin = columns_.offsets[row], mirrored = mirrored_[static_cast<std::size_t>(row)];
     next[static_cast<std::size_t>(row)] = mirrored + 1;
     for (Index k = begin; k < columns_.offsets[row + 1]; ++k) {
       const Index col = columns_.values[static_cast<std::size_t>(k)];
-      const int rows = width(row), columns = width(col);
-      const double* block = values_.data() + first_value(k);
+      const int rows = b > 0 ? b : width(row), columns = b > 0 ? b : width(col);
       const BlockMatrix::Slot slot = col < owned_ ? matrix.owned_slot(row, k - begin) : matrix.slot(row, col);
-      for (int a = 0; a < rows; ++a)
-        for (int b = 0; b < columns; ++b) slot.values[a * slot.step + b] = block[a * columns + b];
-      if (k - begin >= mirrored) continue;
-      const BlockMatrix::Slot above = matrix.owned_slot(col, next[static_cast<std::size_t>(col)]++);
-      for (int b = 0; b < columns; ++b)
-        for (int a = 0; a < rows; ++a) above.values[b * above.step + a] = block[a * columns + b];
+      for (int i = 0; i < rows; ++i) std::copy_n(block + i * columns, columns, slot.values + i * slot.step);
+      if (k - begin < mirrored) {
+        const BlockMatrix::Slot above = matrix.owned_slot(col, next[static_cast<std::size_t>(col)]++);
+        for (int j = 0; j < columns; ++j)
+          for (int i = 0; i < rows; ++i) above.values[j * above.step + i] = block[i * columns + j];
+      }
+      block += rows * columns;
     }
   }
 }

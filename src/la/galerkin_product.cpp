@@ -224,7 +224,7 @@ class ProductWithP : public Product {
           entries.offsets.push_back(static_cast<PetscInt>(entries.columns.size()));
         }
       }
-      entries.values = std::make_unique_for_overwrite<PetscScalar[]>(entries.columns.size());
+      entries.values.resize(entries.columns.size());
       return entries;
     };
     AijEntries others;

@@ -71,10 +71,24 @@ struct AijParts {
   }
 };
 
+/// Leaves the numbers of a vector unset that is made longer: what is written at once need not be touched before.
+template <class Number>
+struct LeaveUnset : std::allocator<Number> {
+  template <class Other>
+  struct rebind {
+    using other = LeaveUnset<Other>;
+  };
+  void construct(Number*) noexcept {}
+  void construct(Number* at, Number value) noexcept { *at = value; }
+};
+template <class Number>
+using UnsetVector = std::vector<Number, LeaveUnset<Number>>;
+
 /// A local matrix by compressed rows, of ascending columns.
 struct AijEntries {
-  std::vector<PetscInt> offsets{0}, columns;
-  std::unique_ptr<PetscScalar[]> values;
+  std::vector<PetscInt> offsets{0};
+  UnsetVector<PetscInt> columns;
+  UnsetVector<PetscScalar> values;
 
   [[nodiscard]] PetscInt rows() const { return static_cast<PetscInt>(offsets.size()) - 1; }
 };

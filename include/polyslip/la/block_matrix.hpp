@@ -25,7 +25,7 @@ class BlockMatrix {
     std::span<const char> widths = {};    ///< Components of each local entity where they differ.
   };
 
-  /// `graph` has one row an owned entity: the local entities it couples with, itself included, in any order, no repeats.
+  /// `graph` has one row an owned entity: the local entities it couples with, itself included, in any order, no repeats. Values are not set yet.
   BlockMatrix(const Layout& layout, const Csr& graph);
 
   /// Where entry (0, 0) of a block is, while the matrix is written.
@@ -72,6 +72,7 @@ class BlockMatrix {
 
   /// Makes the values ours to write (get) and PETSc's to use (put); writes go between the two.
   void begin_writing();
+  void set_zero();  ///< All values.
   void end_writing();
 
   [[nodiscard]] Mat get() const { return matrix_; }

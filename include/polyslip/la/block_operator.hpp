@@ -33,7 +33,7 @@ class BlockOperator {
       for (int b = 0; b < columns; ++b) values[a * columns + b] += block[a * row_step + b * column_step];
   }
 
-  /// All blocks into those of `matrix`, which has the pattern, and zeros.
+  /// All blocks into those of `matrix`, which has the pattern: its values are set then.
   void write_to(BlockMatrix& matrix) const;
 
   /// y = A x for the components of the owned entities (y) and of the local ones (x, ghosts last), as the matrix numbers them.
@@ -64,6 +64,8 @@ class BlockOperator {
     for (int a = 0; a < n; ++a)
       for (int b = 0; b < n; ++b) values[a * n + b] += block[a * row_step + b * column_step];
   }
+  template <int b>
+  void write_blocks(BlockMatrix& matrix) const;
   template <int b>
   void multiply_nodes(std::span<const double> x, std::span<double> y);
   template <int b>

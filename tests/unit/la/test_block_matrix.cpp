@@ -127,6 +127,7 @@ class block_matrix : public testing::TestWithParam<int> {
 
 TEST_P(block_matrix, holds_what_set_values_would_hold_on_random_graphs) {
   matrix_.begin_writing();
+  matrix_.set_zero();
   add_everywhere(2);
   matrix_.end_writing();
   reference_.finish();
@@ -150,6 +151,7 @@ TEST_P(block_matrix, rows_can_be_cleared_and_written_again) {
 
 TEST_P(block_matrix, gives_the_diagonal_of_the_matrix) {
   matrix_.begin_writing();
+  matrix_.set_zero();
   add_everywhere(1);
   matrix_.end_writing();
   Handle<Vec> diagonal;
