@@ -12,6 +12,7 @@ namespace {
 using RowMajor = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>;
 using ConstMap = Eigen::Map<const RowMajor>;
 using MutableMap = Eigen::Map<RowMajor>;
+using Components = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, 0, 3, 3>;  ///< Of vectors: dim x dim.
 
 /// Whether this rank needs the blocks of a + cell: it owns the cell, or a displacement of E.
 bool is_needed(const mesh::DistributedMesh& mesh, const Layout& layout, Index cell, std::span<const Index> displacements) {
@@ -192,8 +193,8 @@ void ContactCells::blocks(Index p, std::span<const physics::ContactLinearisation
   for (int f = 0; f < cell.n_faces; ++f) {
     const ContactFace& contact = faces_[faces[f]];
     const auto frame = contact.frame.topLeftCorner(d, d);
-    const Eigen::MatrixXd traction = contact.area * frame.transpose();
-    const Eigen::MatrixXd d_jump = contact.area * law[faces[f]].d_jump.topLeftCorner(d, d) * frame;
+    const Components traction = contact.area * frame.transpose();
+    const Components d_jump = contact.area * law[faces[f]].d_jump.topLeftCorner(d, d) * frame;
     const double* j = &jump_[cell.jump + static_cast<std::size_t>(f) * cell.n_ext];
     for (int e = 0; e < cell.n_ext; ++e) {
       if (j[e] == 0) continue;
@@ -280,9 +281,10 @@ ContactCells::SaddleBlocks ContactCells::saddle_blocks(Index p, std::span<const 
 
 namespace {
 
-/// Inverse of M_II with the multiplier columns in units of their face's stiffness, so that pivots compare like with like.
-Eigen::MatrixXd inverse_internal(const Eigen::MatrixXd& ii, const Eigen::VectorXd& column_scale) {
-  Eigen::MatrixXd scaled = ii * column_scale.asDiagonal();
+/// Inverse of M_II, ni x ni, with the multiplier columns in units of their face's stiffness, so that pivots compare like with like.
+template <int ni>
+Eigen::Matrix<double, ni, ni> inverse_internal(const Eigen::MatrixXd& ii, const Eigen::VectorXd& column_scale) {
+  const Eigen::Matrix<double, ni, ni> scaled = ii * column_scale.asDiagonal();
   return column_scale.asDiagonal() * scaled.partialPivLu().inverse();
 }
 
@@ -294,23 +296,29 @@ void ContactCells::set_apertures(std::vector<ApertureLinearisation> apertures) {
   apertures_ = std::move(apertures);
 }
 
+template <int ni>
 void ContactCells::condense_cell(Index p, std::span<const physics::ContactLinearisation> law,
                                  std::span<const physics::ContactLinearisation> symmetric, SaddleBlocks& m) {
   const Cell& cell = cells_[p];
   const auto faces = cell_faces_[p];
-  const int ne = block_size(p), ni = 2 * dim_ * cell.n_faces;
-  Eigen::VectorXd scale = Eigen::VectorXd::Ones(ni);
-  for (int f = 0; f < cell.n_faces; ++f) scale.segment(ni / 2 + dim_ * f, dim_).setConstant(faces_[faces[f]].stiffness);
+  const int ne = block_size(p), size = 2 * dim_ * cell.n_faces;
+  Eigen::VectorXd scale = Eigen::VectorXd::Ones(size);
+  for (int f = 0; f < cell.n_faces; ++f) scale.segment(size / 2 + dim_ * f, dim_).setConstant(faces_[faces[f]].stiffness);
+  const auto condense = [&](const Eigen::Matrix<double, ni, ni>& inverse, double* block) {
+    const Eigen::Matrix<double, ni, Eigen::Dynamic, Eigen::RowMajor> recovered = inverse * m.ie;
+    const Eigen::Map<const Eigen::Matrix<double, Eigen::Dynamic, ni>> m_ei(m.ei.data(), ne, size);
+    MutableMap(block, ne, ne) = m.ee - m_ei.lazyProduct(recovered);
+  };
   blocks(p, law, m);
-  MutableMap inverse(&inverse_[cell.internal], ni, ni);
-  inverse = inverse_internal(m.ii, scale);
-  MutableMap(&m_ei_[cell.coupling], ne, ni) = m.ei;
-  MutableMap(&m_ie_[cell.coupling], ni, ne) = m.ie;
-  MutableMap(&condensed_[cell.condensed], ne, ne) = m.ee - m.ei * (inverse * m.ie);
+  const Eigen::Matrix<double, ni, ni> inverse = inverse_internal<ni>(m.ii, scale);
+  MutableMap(&inverse_[cell.internal], size, size) = inverse;
+  MutableMap(&m_ei_[cell.coupling], ne, size) = m.ei;
+  MutableMap(&m_ie_[cell.coupling], size, ne) = m.ie;
+  condense(inverse, &condensed_[cell.condensed]);
   if (cell_differs_[p] == 0) return;
   symmetric_.resize(condensed_.size());
   blocks(p, symmetric, m);
-  MutableMap(&symmetric_[cell.condensed], ne, ne) = m.ee - m.ei * (inverse_internal(m.ii, scale) * m.ie);
+  condense(inverse_internal<ni>(m.ii, scale), &symmetric_[cell.condensed]);
 }
 
 void ContactCells::condense(std::span<const physics::ContactLinearisation> law, std::span<const physics::ContactLinearisation> symmetric,
@@ -324,7 +332,11 @@ void ContactCells::condense(std::span<const physics::ContactLinearisation> law, 
     has_changed_[p] = is_stale_[p] != 0 || !std::all_of(faces.begin(), faces.end(), is_as_before) ? 1 : 0;
     if (has_changed_[p] != 0) {
       cell_differs_[p] = std::any_of(faces.begin(), faces.end(), is_different) ? 1 : 0;
-      condense_cell(p, law, symmetric, m);
+      switch (2 * dim_ * cells_[p].n_faces) {  // nearly all cells have one face: the compiler unrolls what it knows the size of
+        case 4: condense_cell<4>(p, law, symmetric, m); break;
+        case 6: condense_cell<6>(p, law, symmetric, m); break;
+        default: condense_cell<Eigen::Dynamic>(p, law, symmetric, m);
+      }
       is_stale_[p] = 0;
     }
     any_difference_ = any_difference_ || cell_differs_[p] != 0;

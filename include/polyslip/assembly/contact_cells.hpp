@@ -136,6 +136,7 @@ class ContactCells {
   [[nodiscard]] int position(const Cell& cell, int e) const { return dim_ * e + (e < cell.n_nodes ? 0 : cell.n_normals); }
   [[nodiscard]] std::span<const double> matrix(const std::vector<double>& pool, Index p) const;
   void blocks(Index p, std::span<const physics::ContactLinearisation> law, SaddleBlocks& m) const;
+  template <int ni>
   void condense_cell(Index p, std::span<const physics::ContactLinearisation> law, std::span<const physics::ContactLinearisation> symmetric,
                      SaddleBlocks& m);
   void add_fluid_blocks(Index p, SaddleBlocks& m) const;
