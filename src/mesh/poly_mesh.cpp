@@ -143,6 +143,14 @@ Vec3 cell_node_average(const PolyMesh& mesh, Index cell) {
   return c / mesh.cell_nodes.row_size(cell);
 }
 
+double cell_diameter(const PolyMesh& mesh, Index cell) {
+  const auto nodes = mesh.cell_nodes[cell];
+  double longest = 0;
+  for (std::size_t i = 0; i < nodes.size(); ++i)
+    for (std::size_t j = 0; j < i; ++j) longest = std::max(longest, (mesh.nodes[nodes[i]] - mesh.nodes[nodes[j]]).squaredNorm());
+  return std::sqrt(longest);
+}
+
 void orient_faces(PolyMesh& mesh, const std::vector<Index>& cell_numbers, const std::vector<Index>& face_numbers) {
   CellOrienter orienter(mesh, cell_numbers);
   enum : char { kUnseen = 2 };

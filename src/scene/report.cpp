@@ -16,11 +16,10 @@ namespace {
 /// Smallest and largest cell diameter over all ranks [m].
 std::pair<double, double> cell_sizes(const mesh::DistributedMesh& mesh) {
   double smallest = 1e300, largest = 0;
-  spaces::VemCell vem(mesh.mesh);
   for (Index cell = 0; cell < mesh.cells.owned; ++cell) {
-    vem.build(cell);
-    smallest = std::min(smallest, vem.diameter());
-    largest = std::max(largest, vem.diameter());
+    const double diameter = mesh::cell_diameter(mesh.mesh, cell);
+    smallest = std::min(smallest, diameter);
+    largest = std::max(largest, diameter);
   }
   return {mpi::min(mesh.comm, smallest), mpi::max(mesh.comm, largest)};
 }

@@ -7,12 +7,13 @@
 
 namespace polyslip::spaces {
 
-/// Into `shape`: warp, and sizes not yet divided by h_K. Returns the area.
-double ShapeMeter::add_face(Index face, CellShape& shape) {
+/// Into `shape`: warp, sizes not yet divided by h_K, and its part of d |K|, measured from xbar. Returns the area.
+double ShapeMeter::add_face(Index face, const Vec3& xbar, double sign, CellShape& shape, double& volume) {
   face_points(mesh_, face, points_);
   g_.resize(points_.size());
   w_.resize(points_.size());
   geometry::vector_weights(mesh_.dim, points_, g_);
+  for (std::size_t i = 0; i < points_.size(); ++i) volume += sign * g_[i].dot(points_[i] - xbar);
   const geometry::FaceGeometry geometry = geometry::face_geometry(points_, g_, w_);
   const double size = mesh_.dim == 2 ? geometry.area : std::sqrt(geometry.area);
   shape.smallest_face = std::min(shape.smallest_face, size);
@@ -25,13 +26,14 @@ double ShapeMeter::add_face(Index face, CellShape& shape) {
 }
 
 CellShape ShapeMeter::measure(Index cell) {
-  vem_.build(cell);
+  diameter_ = mesh::cell_diameter(mesh_, cell);
+  const Vec3 xbar = mesh::cell_node_average(mesh_, cell);
   CellShape shape;
-  shape.smallest_face = vem_.diameter();
-  double surface = 0;
-  for (const Index face : mesh_.cell_faces[cell]) surface += add_face(face, shape);
-  shape.flatness = vem_.diameter() * surface / (mesh_.dim * vem_.volume());
-  shape.smallest_face /= vem_.diameter();
+  shape.smallest_face = diameter_;
+  double surface = 0, volume = 0;  // d |K|
+  for (const Index face : mesh_.cell_faces[cell]) surface += add_face(face, xbar, mesh_.orientation(cell, face), shape, volume);
+  shape.flatness = diameter_ * surface / volume;
+  shape.smallest_face /= diameter_;
   return shape;
 }
 

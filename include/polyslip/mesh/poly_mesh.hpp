@@ -57,6 +57,8 @@ struct PolyMesh {
 
 /// Average of the nodes of a cell [m].
 Vec3 cell_node_average(const PolyMesh& mesh, Index cell);
+/// h_K: largest distance between two nodes [m].
+double cell_diameter(const PolyMesh& mesh, Index cell);
 
 /// Makes face_nodes point out of face_cells[f][0], whatever order a reader left; needs topology and coordinates only.
 /// Throws InputError naming the cell where faces do not close or the volume is not positive; of a piece of a larger mesh by the number

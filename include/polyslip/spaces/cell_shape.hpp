@@ -15,16 +15,16 @@ struct CellShape {
 /// Measures one cell after another; its buffers are reused.
 class ShapeMeter {
  public:
-  explicit ShapeMeter(const mesh::PolyMesh& mesh) : mesh_(mesh), vem_(mesh) {}
+  explicit ShapeMeter(const mesh::PolyMesh& mesh) : mesh_(mesh) {}
   CellShape measure(Index cell);
   /// h_K of the cell measured last [m].
-  [[nodiscard]] double diameter() const { return vem_.diameter(); }
+  [[nodiscard]] double diameter() const { return diameter_; }
 
  private:
-  double add_face(Index face, CellShape& shape);
+  double add_face(Index face, const Vec3& xbar, double sign, CellShape& shape, double& volume);
 
   const mesh::PolyMesh& mesh_;
-  VemCell vem_;
+  double diameter_ = 0;
   std::vector<Vec3> points_, g_;
   std::vector<double> w_;
 };
