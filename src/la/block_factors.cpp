@@ -581,7 +581,7 @@ class FactorsOf final : public BlockFactors {
     Sums sums;
     float* const y = forward_.data();
     const Half* block = at(values_, lower_.offsets[i], size);
-    fetch_beyond(block, at(values_, lower_.offsets[i + 1], size));
+    prefetch(block, at(values_, lower_.offsets[i + 1], size));
     for (const Index j : std::as_const(lower_)[i]) {
       sums.add(block, node(y, j));
       block += size;
@@ -598,7 +598,7 @@ class FactorsOf final : public BlockFactors {
     lanes(node(values, i)) = z_i;
     const std::span<const Index> lower = std::as_const(lower_)[i];
     const Half* block = at(values_, lower_.offsets[i + 1], size);
-    fetch_before(at(values_, lower_.offsets[i], size), block);
+    prefetch(at(values_, lower_.offsets[i], size), block, -two_pages);
     for (auto j = lower.rbegin(); j != lower.rend(); ++j) {  // downwards in memory throughout, for its prefetcher
       block -= size;
       lanes(node(values, *j)) -= transposed(block, z_i);
@@ -613,7 +613,7 @@ class FactorsOf final : public BlockFactors {
     const float* const from = x.data();
     float* const to = y.data();
     const float* block = at(matrix_, lower_.offsets[i], size);
-    fetch_beyond(block, at(matrix_, lower_.offsets[i + 1], size));
+    prefetch(block, at(matrix_, lower_.offsets[i + 1], size));
     for (const Index j : std::as_const(lower_)[i]) {
       if (j >= ghosts_) {
         sums.add(block, node(from, j));

@@ -83,7 +83,7 @@ void BlockOperator::multiply_row(Index i, const double* x, double* y) const {
   const Lanes<b> x_i = lanes<b>(node<b>(x, i));
   Index k = columns_.offsets[i];
   const double* block = values_.data() + first_value(k);
-  fetch_beyond(block, values_.data() + first_value(columns_.offsets[i + 1]));
+  prefetch(block, values_.data() + first_value(columns_.offsets[i + 1]));
   for (const Index end = k + mirrored_[static_cast<std::size_t>(i)]; k < end; ++k, block += b * b) {
     const Index j = columns_.values[static_cast<std::size_t>(k)];
     sums.add(block, node<b>(x, j));

@@ -99,7 +99,7 @@ void PrincipalSubmatrix::multiply(Vec x, Vec y) {
   const double* block = values_.data();
   for (Index k = 0; k < chosen; ++k) {
     Sums<b> sums;
-    fetch_beyond(block, block + static_cast<std::ptrdiff_t>(columns_.row_size(k)) * b * b);
+    prefetch(block, block + static_cast<std::ptrdiff_t>(columns_.row_size(k)) * b * b);
     for (const Index column : std::as_const(columns_)[k]) {
       sums.add(block, node<b>(x_.data(), column));
       block += b * b;

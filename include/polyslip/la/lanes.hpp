@@ -9,20 +9,15 @@
 
 namespace polyslip::la {
 
-/// Asks for what follows numbers that are read once, one after the other, two pages behind them: prefetchers of processors stop where a page ends.
-/// From products by halves it takes a quarter of their time.
+constexpr std::ptrdiff_t two_pages = 8192;  ///< [bytes]
+
+/// Of numbers that are read once and in order, asks for what comes two pages after these (before: -two_pages): the prefetchers of processors stop
+/// where a page ends. Products by halves take three quarters of their time with it.
 template <class Number>
-void fetch_beyond(const Number* first, const Number* last) {
-  constexpr std::ptrdiff_t line = 64, ahead = 8192;
+void prefetch(const Number* first, const Number* last, std::ptrdiff_t ahead = two_pages) {
+  constexpr std::ptrdiff_t line = 64;
   const char* const end = reinterpret_cast<const char*>(last) + ahead;
   for (const char* at = reinterpret_cast<const char*>(first) + ahead; at < end; at += line) __builtin_prefetch(at);
-}
-/// The same, downwards in memory.
-template <class Number>
-void fetch_before(const Number* first, const Number* last) {
-  constexpr std::ptrdiff_t line = 64, ahead = 8192;
-  const char* const end = reinterpret_cast<const char*>(last) - ahead;
-  for (const char* at = reinterpret_cast<const char*>(first) - ahead; at < end; at += line) __builtin_prefetch(at);
 }
 
 /// Numbers of a node of b components in memory.
