@@ -3,7 +3,6 @@
 #include <petsc/private/petscimpl.h>  // PetscObjectStateIncrease
 
 #include <algorithm>
-#include <cassert>
 #include <numeric>
 
 #include "polyslip/common/mpi.hpp"
@@ -116,17 +115,10 @@ std::vector<double> BlockMatrix::diagonal() const {
   std::vector<double> entries;
   for (Index i = 0; i < owned_; ++i) {
     const double* entry = diagonal_.entries.values.data() + diagonal_.start[static_cast<std::size_t>(i)] +
-                          diagonal_.offset[static_cast<std::size_t>(diagonal_.position(i, i))];
+                          diagonal_.offset[static_cast<std::size_t>(PlaceFinder::search(diagonal_.columns, i, i))];
     for (int a = 0; a < width(i); ++a, entry += diagonal_.row_width[static_cast<std::size_t>(i)] + 1) entries.push_back(*entry);
   }
   return entries;
-}
-
-Index BlockMatrix::Part::position(Index row, Index column) const {
-  const auto range = columns[row];
-  const auto place = static_cast<Index>(std::lower_bound(range.begin(), range.end(), column) - range.begin());
-  assert(place < columns.row_size(row) && range[static_cast<std::size_t>(place)] == column);
-  return columns.offsets[row] + place;
 }
 
 }  // namespace polyslip::la

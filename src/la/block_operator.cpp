@@ -1,5 +1,8 @@
 #include "polyslip/la/block_operator.hpp"
 
+#include <algorithm>
+#include <utility>
+
 #include "polyslip/la/lanes.hpp"
 
 namespace polyslip::la {

@@ -4,6 +4,7 @@
 #include <cmath>
 
 #include "polyslip/geometry/faces.hpp"
+#include "polyslip/spaces/vem_cell.hpp"
 
 namespace polyslip::spaces {
 

@@ -5,6 +5,8 @@
 // assembly. Rows of ghosts are not stored. PETSc works on arrays that are held here: the Mat is not for use after this object's end.
 #pragma once
 
+#include <algorithm>
+#include <cassert>
 #include <span>
 #include <vector>
 
@@ -13,6 +15,26 @@
 #include "polyslip/la/handle.hpp"
 
 namespace polyslip::la {
+
+/// Finds columns in the rows of blocks, which ascend; the one asked for next is often the one behind the last.
+class PlaceFinder {
+ public:
+  /// Among all columns, of one that the row has.
+  [[nodiscard]] Index find(const Csr& columns, Index row, Index column) {
+    const Index next = last_ + 1, begin = columns.offsets[row], end = columns.offsets[row + 1];
+    const bool is_next = next >= begin && next < end && columns.values[static_cast<std::size_t>(next)] == column;
+    return last_ = is_next ? next : search(columns, row, column);
+  }
+  [[nodiscard]] static Index search(const Csr& columns, Index row, Index column) {
+    const auto range = columns[row];
+    const auto place = std::lower_bound(range.begin(), range.end(), column) - range.begin();
+    assert(place < columns.row_size(row) && range[static_cast<std::size_t>(place)] == column);
+    return columns.offsets[row] + static_cast<Index>(place);
+  }
+
+ private:
+  Index last_ = -1;
+};
 
 class BlockMatrix {
  public:
@@ -36,7 +58,7 @@ class BlockMatrix {
   /// Of owned entity `row` and local entity `col`.
   [[nodiscard]] Slot slot(Index row, Index col) {
     Part& part = col < owned_ ? diagonal_ : offdiagonal_;
-    return part.slot(row, part.find(row, col < owned_ ? col : ghost_position_[col - owned_]));
+    return part.slot(row, part.places.find(part.columns, row, col < owned_ ? col : ghost_position_[col - owned_]));
   }
   /// Of an owned row and its k-th column that is owned, too.
   [[nodiscard]] Slot owned_slot(Index row, Index k) { return diagonal_.slot(row, diagonal_.columns.offsets[row] + k); }
@@ -91,18 +113,10 @@ class BlockMatrix {
     AijEntries entries;            ///< The matrix by rows of components, as PETSc reads it: it is not copied.
     Mat matrix = nullptr;          ///< Borrowed.
     double* values = nullptr;      ///< While being written.
-    Index last = -1;               ///< Position in `columns` that was found last: the next one asked for is often the one behind it.
+    PlaceFinder places;
 
     /// What has been appended to the columns of the entries are those of each of so many rows.
     void repeat_columns(int rows);
-    /// Of the column of a row, which has it, among all columns.
-    [[nodiscard]] Index position(Index row, Index column) const;
-    /// The same, faster where it is the one behind that asked for last.
-    [[nodiscard]] Index find(Index row, Index column) {
-      const Index next = last + 1;
-      const bool is_in_row = next >= columns.offsets[row] && next < columns.offsets[row + 1];
-      return last = is_in_row && columns.values[static_cast<std::size_t>(next)] == column ? next : position(row, column);
-    }
     [[nodiscard]] Slot slot(Index i, Index position) const { return {values + start[i] + offset[static_cast<std::size_t>(position)], row_width[i]}; }
     [[nodiscard]] std::span<double> row(Index i) const { return {values + start[i], start[i + 1] - start[i]}; }
   };

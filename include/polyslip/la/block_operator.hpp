@@ -5,7 +5,6 @@
 // good enough (it is not rounded as the row is), all blocks are held.
 #pragma once
 
-#include <algorithm>
 #include <cassert>
 #include <functional>
 #include <span>
@@ -25,7 +24,8 @@ class BlockOperator {
   [[nodiscard]] bool holds(Index row, Index col) const { return row < owned_ && (!by_halves_ || col <= row || col >= owned_); }
   /// Adds to the block of owned entity `row` and local entity `col`, which it holds; entry (a, b) is block[a * row_step + b * column_step].
   void add(Index row, Index col, const double* block, int row_step, int column_step) {
-    double* values = values_.data() + first_value(find(row, col));
+    assert(holds(row, col));
+    double* values = values_.data() + first_value(places_.find(columns_, row, col));
     if (width_ == 3) return add_square<3>(values, block, row_step, column_step);
     if (width_ == 2) return add_square<2>(values, block, row_step, column_step);
     const int rows = width(row), columns = width(col);
@@ -46,17 +46,6 @@ class BlockOperator {
   [[nodiscard]] int width(Index entity) const { return first_[static_cast<std::size_t>(entity) + 1] - first_[static_cast<std::size_t>(entity)]; }
   [[nodiscard]] std::size_t first_value(Index k) const {
     return width_ > 0 ? static_cast<std::size_t>(k) * static_cast<std::size_t>(width_ * width_) : start_[static_cast<std::size_t>(k)];
-  }
-  /// Which block; the next one asked for is often the one behind the last.
-  [[nodiscard]] Index find(Index row, Index col) {
-    assert(holds(row, col));
-    const auto begin = columns_.values.begin() + columns_.offsets[row], end = columns_.values.begin() + columns_.offsets[row + 1];
-    if (const auto next = columns_.values.begin() + last_ + 1; next < begin || next >= end || *next != col)
-      last_ = static_cast<Index>(std::lower_bound(begin, end, col) - columns_.values.begin());
-    else
-      ++last_;
-    assert(last_ < columns_.offsets[row + 1] && columns_.values[static_cast<std::size_t>(last_)] == col);
-    return last_;
   }
   /// Blocks of nodes, nearly all of them: the compiler unrolls what it knows the length of.
   template <int n>
@@ -80,7 +69,7 @@ class BlockOperator {
   std::vector<Index> mirrored_;     ///< How many blocks of a row, the first ones, serve twice.
   std::vector<double> values_;      ///< Block by block, and zeros behind the last one that are read as well.
   std::vector<std::size_t> start_;  ///< First value of each block where widths differ.
-  Index last_ = -1;
+  PlaceFinder places_;
   std::vector<double> x_, y_;       ///< A node fills whole vectors of the processor, with zeros behind its components.
 };
 

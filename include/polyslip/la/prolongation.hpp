@@ -1,5 +1,5 @@
 // Products of vectors with prolongations of multigrid, by blocks. A MATAIJ names the column of each entry, and PETSc's products look up the factor
-// of each; a block of r x c entries (3 x 6 on the finest level) needs one column, and its factors at once: a cycle moves two thirds as much.
+// of each; a block of r x c entries (3 x 6 on the finest level) needs one column, and its factors at once: a product moves two thirds as much.
 #pragma once
 
 #include "polyslip/la/handle.hpp"

@@ -1,7 +1,9 @@
 // How far the shape of a cell is from what the schemes are accurate on.
 #pragma once
 
-#include "polyslip/spaces/vem_cell.hpp"
+#include <vector>
+
+#include "polyslip/mesh/poly_mesh.hpp"
 
 namespace polyslip::spaces {
 
