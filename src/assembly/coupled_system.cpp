@@ -432,6 +432,11 @@ void CoupledSystem::create_matrices() {
   POLYSLIP_PETSC(MatCreateNest(comm, 2, nullptr, 2, nullptr, blocks.data(), nest_.put()));
 }
 
+void CoupledSystem::hold_all_rows() {
+  MechanicsSystem::hold_all_rows();
+  POLYSLIP_PETSC(MatNestSetSubMat(nest_, 0, 0, matrix()));
+}
+
 /// - b|K| c_e in the free displacement rows of this rank.
 void CoupledSystem::visit_bulk_up(const Visit& add) const {
   std::vector<PetscInt> rows;

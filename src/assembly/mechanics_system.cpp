@@ -231,7 +231,7 @@ MechanicsSystem::MechanicsSystem(const mesh::DistributedMesh& mesh, const physic
 
 /// The size of the terms that cancel in a momentum row.
 void MechanicsSystem::keep_bulk_diagonal() {
-  bulk_diagonal_ = matrix_->diagonal();
+  bulk_diagonal_ = bulk_->diagonal();
   for (Index i = 0; i < layout_.displacement_size(); ++i)
     if (fixed()[i]) bulk_diagonal_[i] = 0;
 }
@@ -249,22 +249,22 @@ std::vector<Index> MechanicsSystem::bulk_cells(Wanted&& wanted) const {
 }
 
 void MechanicsSystem::assemble_bulk() {
-  matrix_ = std::make_unique<la::BlockMatrix>(layout_.matrix_layout(), matrix_graph(mesh_, layout_, cells_));
-  la::replace_product(matrix_->get(), product_);
   for (Index p = 0; p < cells_.size(); ++p)
     for (Index i : cells_.displacements(p))
       if (i < layout_.displacement_size()) contact_rows_.push_back(layout_.entity_of(i));
   std::sort(contact_rows_.begin(), contact_rows_.end());
   contact_rows_.erase(std::unique(contact_rows_.begin(), contact_rows_.end()), contact_rows_.end());
   constexpr double flattest_mirrored = 1e4;  // beyond, fewer digits are left
-  if (mpi::any(mesh_.comm, sum_up_bulk(physics::Blocks::lower) > flattest_mirrored)) sum_up_bulk(physics::Blocks::all);
-  describe_fields();
+  const Csr graph = matrix_graph(mesh_, layout_, cells_);
+  if (mpi::any(mesh_.comm, sum_up_bulk(graph, physics::Blocks::lower) > flattest_mirrored)) sum_up_bulk(graph, physics::Blocks::all);
+  const auto is_contact_row = [this](Index row) { return std::binary_search(contact_rows_.begin(), contact_rows_.end(), row); };
+  create_matrix(is_contact_row);
 }
 
-double MechanicsSystem::sum_up_bulk(physics::Blocks blocks) {
+double MechanicsSystem::sum_up_bulk(const Csr& graph, physics::Blocks blocks) {
   const std::vector<Index> cells = bulk_cells([&](std::span<const Index> displacements) { return is_ours(displacements); });
   bulk_.reset();
-  bulk_ = std::make_unique<la::BlockOperator>(*matrix_, blocks == physics::Blocks::lower);
+  bulk_ = std::make_unique<la::BlockOperator>(layout_.matrix_layout(), graph, blocks == physics::Blocks::lower);
   const spaces::FaceWeights weights = [&] {
     la::KernelScope scope(kernels_, la::Kernel::geometry);
     spaces::FaceWeights result(mesh_.mesh);
@@ -278,14 +278,41 @@ double MechanicsSystem::sum_up_bulk(physics::Blocks blocks) {
     cell_blocks.assign(slot.displacements, slot.matrix, static_cast<int>(slot.displacements.size()));
     return add_bulk(cell_blocks, *bulk_) * layout_.dim() * layout_.dim();  // nearly: bubbles along normals are narrower
   });
-  write_bulk();
   kernels_.add_bytes(la::Kernel::geometry, bytes_of_geometry(mesh_.mesh) + 2 * weights.bytes());
   kernels_.add_bytes(la::Kernel::local_matrices, static_cast<double>(moduli_.size() * sizeof(physics::Lame)));
-  kernels_.add_bytes(la::Kernel::insertion, 3 * bulk_->bytes() + bytes_of_entries(matrix_->get()));  // read and written, read to be written to P
+  kernels_.add_bytes(la::Kernel::insertion, 2 * bulk_->bytes());  // read and written
   return flattest;
 }
 
+template <class Wanted>
+void MechanicsSystem::create_matrix(Wanted&& wanted) {
+  Csr graph;
+  std::vector<Index> row;
+  for (Index i = 0; i < layout_.owned_entities(); ++i) {
+    row.clear();
+    const bool is_wanted = wanted(i);
+    bulk_->visit_columns(i, [&](Index column) {
+      if (is_wanted || column >= layout_.owned_entities()) row.push_back(column);
+    });
+    graph.push_row(row);
+  }
+  matrix_ = std::make_unique<la::BlockMatrix>(layout_.matrix_layout(), graph);
+  la::replace_operations(matrix_->get(), operations_);
+  describe_fields();
+  write_bulk();
+  kernels_.add_bytes(la::Kernel::insertion, 2 * bytes_of_entries(matrix_->get()));  // read from A, written
+}
+
+void MechanicsSystem::hold_all_rows() {
+  if (holds_all_rows_) return;
+  holds_all_rows_ = true;
+  const MatrixContent content = content_;
+  create_matrix([](Index) { return true; });
+  write_contact_rows(content);
+}
+
 void MechanicsSystem::write_bulk() {
+  la::lend_rows(matrix_->get(), *bulk_);
   {
     const la::KernelScope scope(kernels_, la::Kernel::insertion);
     matrix_->begin_writing();
@@ -305,7 +332,9 @@ void MechanicsSystem::write_bulk() {
 }
 
 void MechanicsSystem::multiply_whole_rows() {
-  if (bulk_->by_halves()) sum_up_bulk(physics::Blocks::all);
+  if (!bulk_->by_halves()) return;
+  sum_up_bulk(bulk_->graph(), physics::Blocks::all);
+  write_bulk();
 }
 
 bool MechanicsSystem::is_ours(std::span<const Index> displacements) const {
@@ -436,6 +465,18 @@ void MechanicsSystem::multiply(std::span<const double> x, MatrixContent content,
     rows.noalias() = block * local;
     for (Eigen::Index i = 0; i < n; ++i)
       if (const Index k = displacements[i]; k < layout_.displacement_size()) y[k] += fixed()[k] ? block(i, i) * x[k] : rows[i];
+  }
+}
+
+void MechanicsSystem::diagonal(Vec y) const {
+  const std::vector<double> bulk = bulk_->diagonal();
+  const la::VecWrite entries(y);
+  std::copy(bulk.begin(), bulk.end(), entries.data());
+  for (Index p = 0; content_ != MatrixContent::bulk && p < cells_.size(); ++p) {
+    const auto displacements = cells_.displacements(p);
+    const auto block = content_ == MatrixContent::exact ? cells_.block(p) : cells_.symmetric_block(p);
+    for (std::size_t i = 0; i < displacements.size(); ++i)
+      if (displacements[i] < layout_.displacement_size()) entries[displacements[i]] += block[i * (static_cast<std::size_t>(cells_.block_size(p)) + 1)];
   }
 }
 

@@ -39,28 +39,17 @@ void visit_entries(const MechanicsSystem& system, const SaddleNumbers& numbers, 
   const int dim = layout.dim();
   const auto& fixed = system.fixed();
 
-  // Bulk: the condensed matrix, its columns renumbered.
-  PetscInt first = 0;
-  POLYSLIP_PETSC(MatGetOwnershipRange(system.matrix(), &first, nullptr));
-  std::vector<std::pair<GlobalIndex, Index>> ghosts;
-  for (Index i = layout.displacement_size(); i < layout.local_displacements(); ++i) ghosts.emplace_back(layout.global(i), i);
-  std::sort(ghosts.begin(), ghosts.end());
-  const auto local = [&](GlobalIndex displacement) {
-    if (displacement >= first && displacement < first + layout.displacement_size()) return displacement - first;
-    return std::lower_bound(ghosts.begin(), ghosts.end(), std::pair<GlobalIndex, Index>(displacement, 0))->second;
-  };
-  for (Index row = 0; row < layout.displacement_size(); ++row) {
-    const Index target = numbers.displacement[row];
-    if (fixed[row]) {
-      insert(target, target, 1.0);
-      continue;
-    }
-    PetscInt n = 0;
-    const PetscInt* columns = nullptr;
-    const PetscScalar* values = nullptr;
-    POLYSLIP_PETSC(MatGetRow(system.matrix(), first + row, &n, &columns, &values));
-    for (PetscInt k = 0; k < n; ++k) insert(target, numbers.displacement[local(columns[k])], values[k]);
-    POLYSLIP_PETSC(MatRestoreRow(system.matrix(), first + row, &n, &columns, &values));
+  // Bulk.
+  const la::BlockOperator& bulk = system.bulk();
+  for (Index entity = 0; entity < layout.owned_entities(); ++entity) {
+    const Index first = bulk.first_component(entity);
+    for (Index row = first; row < first + layout.width(entity); ++row)
+      if (fixed[row]) insert(numbers.displacement[row], numbers.displacement[row], 1.0);
+    bulk.visit_row(entity, [&](Index other, const double* block, int columns) {
+      for (int r = 0; r < layout.width(entity); ++r)
+        for (int c = 0; c < columns && !fixed[first + r]; ++c)
+          insert(numbers.displacement[first + r], numbers.displacement[bulk.first_component(other) + c], block[r * columns + c]);
+    });
   }
 
   // + cells.

@@ -17,12 +17,14 @@ namespace {
 
 /// The sums of the blocks of a local matrix.
 template <int b>
-AijEntries sums_of_blocks(Mat matrix) {
-  const BlockRows<b, b> rows(matrix);
+AijEntries sums_of_blocks(Mat matrix, const BlockOperator* lent = nullptr) {
+  const BlockRows<b, b> rows(matrix, lent);
+  std::size_t blocks = 0;
+  for (Index i = 0; i < rows.rows(); ++i) blocks += static_cast<std::size_t>(rows.row_size(i));
   AijEntries sums;
   sums.offsets.reserve(static_cast<std::size_t>(rows.rows()) + 1);
-  sums.columns.reserve(static_cast<std::size_t>(rows.blocks()));
-  sums.values.reserve(static_cast<std::size_t>(rows.blocks()));
+  sums.columns.reserve(blocks);
+  sums.values.reserve(blocks);
   for (Index i = 0; i < rows.rows(); ++i) {
     rows.visit(i, [&](Index column, const double* block, PetscInt width) {
       double sum = 0;
@@ -84,7 +86,7 @@ void filter(AijEntries& entries, double threshold) {
 template <int b>
 Handle<Mat> graph_of(Mat matrix, bool is_scaled, double threshold) {
   const AijParts parts(matrix);
-  AijEntries own = sums_of_blocks<b>(parts.own), others;
+  AijEntries own = sums_of_blocks<b>(parts.own, parts.lent), others;
   const std::vector<GlobalIndex> ghosts = ghosts_of(parts, b);
   if (parts.others != nullptr) others = sums_of_blocks<b>(parts.others);
   if (is_scaled) {

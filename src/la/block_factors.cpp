@@ -19,6 +19,7 @@
 #include "polyslip/common/mpi.hpp"
 #include "polyslip/common/types.hpp"
 #include "polyslip/la/aij_parts.hpp"
+#include "polyslip/la/block_operator.hpp"
 #include "polyslip/la/lanes.hpp"
 #include "polyslip/la/rank_order.hpp"
 
@@ -175,13 +176,20 @@ class FactorsOf final : public BlockFactors {
     AijRows own;
     std::optional<AijRows> others;
     const PetscInt* global;
-    explicit Entries(const AijParts& parts) : own(parts.own), global(parts.global) {
+    const BlockOperator* lent;
+    explicit Entries(const AijParts& parts) : own(parts.own), global(parts.global), lent(parts.lent) {
       if (parts.others != nullptr) others.emplace(parts.others);
     }
   };
   /// Calls visit(turn, row in its block, column in its block, value) for the entries of a node, but for those of later ghosts.
   template <class Visit>
   void visit(const Entries& entries, Index node, Visit&& visit) const {
+    if (entries.lent != nullptr && entries.own.offsets()[node * b] == entries.own.offsets()[(node + 1) * b])
+      entries.lent->template visit_own<b>(node, [&](Index column, const double* block, int) {
+        const Index turn = turn_of_[static_cast<std::size_t>(column)];
+        for (int r = 0; r < b; ++r)
+          for (int c = 0; c < b; ++c) visit(turn, r, c, block[r * b + c]);
+      });
     entries.own.visit(node * b, b, [&](PetscInt row, PetscInt column, PetscScalar value) {
       visit(turn_of_[static_cast<std::size_t>(column / b)], row % b, column % b, value);
     });

@@ -111,14 +111,4 @@ void BlockMatrix::end_writing() {
   POLYSLIP_PETSC(MatAssemblyEnd(matrix_, MAT_FINAL_ASSEMBLY));
 }
 
-std::vector<double> BlockMatrix::diagonal() const {
-  std::vector<double> entries;
-  for (Index i = 0; i < owned_; ++i) {
-    const double* entry = diagonal_.entries.values.data() + diagonal_.start[static_cast<std::size_t>(i)] +
-                          diagonal_.offset[static_cast<std::size_t>(PlaceFinder::search(diagonal_.columns, i, i))];
-    for (int a = 0; a < width(i); ++a, entry += diagonal_.row_width[static_cast<std::size_t>(i)] + 1) entries.push_back(*entry);
-  }
-  return entries;
-}
-
 }  // namespace polyslip::la

@@ -7,18 +7,15 @@
 
 namespace polyslip::la {
 
-BlockOperator::BlockOperator(const BlockMatrix& pattern, bool by_halves)
-    : owned_(pattern.owned()), width_(pattern.common_width()), by_halves_(by_halves), first_{0} {
-  for (Index i = 0; i < pattern.local(); ++i) first_.push_back(first_.back() + pattern.width(i));
-  for (Index row = 0; row < owned_; ++row) {
-    pattern.visit_columns(row, [&](Index col) {
-      if (holds(row, col)) columns_.values.push_back(col);
-    });
-    const auto begin = columns_.values.begin() + columns_.offsets.back();
-    std::sort(std::lower_bound(begin, columns_.values.end(), owned_), columns_.values.end());
-    mirrored_.push_back(by_halves ? static_cast<Index>(std::lower_bound(begin, columns_.values.end(), row) - begin) : 0);
-    columns_.offsets.push_back(static_cast<Index>(columns_.values.size()));
-  }
+BlockOperator::BlockOperator(const BlockMatrix::Layout& layout, const Csr& graph, bool by_halves)
+    : owned_(layout.owned), width_(layout.widths.empty() ? layout.block : 0), by_halves_(by_halves), first_{0} {
+  const auto local = static_cast<std::size_t>(owned_) + layout.ghosts.size();
+  for (std::size_t i = 0; i < local; ++i) first_.push_back(first_.back() + (width_ > 0 ? width_ : layout.widths[i]));
+  const std::size_t most = graph.values.size();
+  for (std::vector<Index>* entries : {&columns_.values, &above_.values, &block_above_}) entries->reserve(by_halves ? most / 2 : most);
+  std::vector<Index> next_above;
+  next_above.reserve(static_cast<std::size_t>(owned_));
+  for (Index row = 0; row < owned_; ++row) add_graph_row(row, graph[row], next_above);
   std::size_t size = columns_.values.size() * static_cast<std::size_t>(width_ * width_);
   if (width_ == 0)
     for (Index row = 0; row < owned_; ++row)
@@ -27,6 +24,51 @@ BlockOperator::BlockOperator(const BlockMatrix& pattern, bool by_halves)
         size += static_cast<std::size_t>(width(row) * width(col));
       }
   values_.resize(size + beyond_blocks);
+}
+
+/// Rows come in order, and each tells those above which of its blocks are theirs. `next_above`: the next place for that, of each row.
+void BlockOperator::add_graph_row(Index row, std::span<const Index> graph, std::vector<Index>& next_above) {
+  const auto begin = static_cast<std::ptrdiff_t>(columns_.values.size());
+  Index above = 0, ghosts = 0, mirrored = 0;
+  for (Index col : graph) {
+    above += by_halves_ && col > row && col < owned_ ? 1 : 0;
+    ghosts += col >= owned_ ? 1 : 0;
+    if (holds(row, col)) columns_.values.push_back(col);
+  }
+  std::sort(columns_.values.begin() + begin, columns_.values.end());
+  columns_.offsets.push_back(static_cast<Index>(columns_.values.size()));
+  above_.offsets.push_back(above_.offsets.back() + above);
+  above_.values.resize(static_cast<std::size_t>(above_.offsets.back()));
+  block_above_.resize(above_.values.size());
+  next_above.push_back(above_.offsets[row]);
+  if (by_halves_)
+    for (auto k = static_cast<std::size_t>(begin); columns_.values[k] < row; ++k, ++mirrored) {
+      const auto place = static_cast<std::size_t>(next_above[static_cast<std::size_t>(columns_.values[k])]++);
+      above_.values[place] = row;
+      block_above_[place] = static_cast<Index>(k);
+    }
+  mirrored_.push_back(mirrored);
+  ghosts_.push_back(ghosts);
+}
+
+Csr BlockOperator::graph() const {
+  Csr graph;
+  std::vector<Index> row;
+  for (Index i = 0; i < owned_; ++i) {
+    row.clear();
+    visit_columns(i, [&](Index col) { row.push_back(col); });
+    graph.push_row(row);
+  }
+  return graph;
+}
+
+std::vector<double> BlockOperator::diagonal() const {
+  std::vector<double> entries;
+  for (Index i = 0; i < owned_; ++i) {
+    const double* entry = block(PlaceFinder::search(columns_, i, i));
+    for (int a = 0; a < width(i); ++a, entry += width(i) + 1) entries.push_back(*entry);
+  }
+  return entries;
 }
 
 void BlockOperator::write_to(BlockMatrix& matrix) const {
@@ -40,23 +82,15 @@ void BlockOperator::write_to(BlockMatrix& matrix) const {
 /// Of b x b entries; 0 where the compiler does not know that.
 template <int b>
 void BlockOperator::write_blocks(BlockMatrix& matrix) const {
-  std::vector<Index> next(static_cast<std::size_t>(owned_));  // place of the next block above the diagonal, in each row: they come in order
-  const double* block = values_.data();
+  const auto write = [](const double* values, int rows, int columns, const BlockMatrix::Slot& slot) {
+    for (int i = 0; i < rows; ++i) std::copy_n(values + i * columns, columns, slot.values + i * slot.step);
+  };
   for (Index row = 0; row < owned_; ++row) {
-    const Index begin = columns_.offsets[row], mirrored = mirrored_[static_cast<std::size_t>(row)];
-    next[static_cast<std::size_t>(row)] = mirrored + 1;
-    for (Index k = begin; k < columns_.offsets[row + 1]; ++k) {
-      const Index col = columns_.values[static_cast<std::size_t>(k)];
-      const int rows = b > 0 ? b : width(row), columns = b > 0 ? b : width(col);
-      const BlockMatrix::Slot slot = col < owned_ ? matrix.owned_slot(row, k - begin) : matrix.slot(row, col);
-      for (int i = 0; i < rows; ++i) std::copy_n(block + i * columns, columns, slot.values + i * slot.step);
-      if (k - begin < mirrored) {
-        const BlockMatrix::Slot above = matrix.owned_slot(col, next[static_cast<std::size_t>(col)]++);
-        for (int j = 0; j < columns; ++j)
-          for (int i = 0; i < rows; ++i) above.values[j * above.step + i] = block[i * columns + j];
-      }
-      block += rows * columns;
-    }
+    const int rows = b > 0 ? b : width(row);
+    Index k = 0;
+    if (matrix.has_own(row))
+      visit_own<b>(row, [&](Index, const double* values, int columns) { write(values, rows, columns, matrix.owned_slot(row, k++)); });
+    visit_ghosts(row, [&](Index ghost, const double* values, int columns) { write(values, rows, columns, matrix.slot(row, ghost)); });
   }
 }
 
@@ -122,27 +156,58 @@ void BlockOperator::multiply_unlike(std::span<const double> x, std::span<double>
 
 namespace {
 
-constexpr const char* product_name = "polyslip product";
+constexpr const char* operations_name = "polyslip operations";
+
+const Operations& operations_of(Mat matrix) {
+  PetscObject object = nullptr;
+  void* operations = nullptr;
+  POLYSLIP_PETSC(PetscObjectQuery(reinterpret_cast<PetscObject>(matrix), operations_name, &object));
+  POLYSLIP_PETSC(PetscContainerGetPointer(reinterpret_cast<PetscContainer>(object), &operations));
+  return *static_cast<const Operations*>(operations);
+}
 
 PetscErrorCode multiply_otherwise(Mat matrix, Vec x, Vec y) {
   PetscFunctionBeginUser;
-  PetscObject object = nullptr;
-  void* multiply = nullptr;
-  PetscCall(PetscObjectQuery(reinterpret_cast<PetscObject>(matrix), product_name, &object));
-  PetscCall(PetscContainerGetPointer(reinterpret_cast<PetscContainer>(object), &multiply));
-  PetscCallCXX((*static_cast<const std::function<void(Vec, Vec)>*>(multiply))(x, y));
+  PetscCallCXX(operations_of(matrix).multiply(x, y));
   PetscFunctionReturn(0);
+}
+
+/// z = y + A x
+PetscErrorCode add_otherwise(Mat matrix, Vec x, Vec y, Vec z) {
+  PetscFunctionBeginUser;
+  Vec product = nullptr;
+  PetscCall(VecDuplicate(z, &product));
+  PetscCallCXX(operations_of(matrix).multiply(x, product));
+  if (y != z) PetscCall(VecCopy(y, z));
+  PetscCall(VecAXPY(z, 1, product));
+  PetscCall(VecDestroy(&product));
+  PetscFunctionReturn(0);
+}
+
+PetscErrorCode diagonal_otherwise(Mat matrix, Vec y) {
+  PetscFunctionBeginUser;
+  PetscCallCXX(operations_of(matrix).diagonal(y));
+  PetscFunctionReturn(0);
+}
+
+/// Composes a pointer that PETSc need not destroy.
+void compose(Mat matrix, const char* name, const void* pointer) {
+  PetscContainer container = nullptr;
+  POLYSLIP_PETSC(PetscContainerCreate(comm_of(matrix), &container));
+  POLYSLIP_PETSC(PetscContainerSetPointer(container, const_cast<void*>(pointer)));  // PETSc has no pointers to const
+  POLYSLIP_PETSC(PetscObjectCompose(reinterpret_cast<PetscObject>(matrix), name, reinterpret_cast<PetscObject>(container)));
+  POLYSLIP_PETSC(PetscContainerDestroy(&container));
 }
 
 }  // namespace
 
-void replace_product(Mat matrix, const std::function<void(Vec, Vec)>& multiply) {
-  PetscContainer container = nullptr;
-  POLYSLIP_PETSC(PetscContainerCreate(comm_of(matrix), &container));
-  POLYSLIP_PETSC(PetscContainerSetPointer(container, const_cast<std::function<void(Vec, Vec)>*>(&multiply)));  // PETSc has no pointers to const
-  POLYSLIP_PETSC(PetscObjectCompose(reinterpret_cast<PetscObject>(matrix), product_name, reinterpret_cast<PetscObject>(container)));
-  POLYSLIP_PETSC(PetscContainerDestroy(&container));
+void replace_operations(Mat matrix, const Operations& operations) {
+  compose(matrix, operations_name, &operations);
   POLYSLIP_PETSC(MatSetOperation(matrix, MATOP_MULT, reinterpret_cast<void (*)()>(multiply_otherwise)));
+  POLYSLIP_PETSC(MatSetOperation(matrix, MATOP_MULT_ADD, reinterpret_cast<void (*)()>(add_otherwise)));
+  POLYSLIP_PETSC(MatSetOperation(matrix, MATOP_GET_DIAGONAL, reinterpret_cast<void (*)()>(diagonal_otherwise)));
 }
+
+void lend_rows(Mat matrix, const BlockOperator& rows) { compose(matrix, lent_rows, &rows); }
 
 }  // namespace polyslip::la

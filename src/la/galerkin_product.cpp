@@ -113,7 +113,7 @@ class ProductWithP : public Product {
     const ProductWithP& product;
 
     Factors(const ProductWithP& its, Mat a_matrix, Mat p_matrix) : Factors(its, AijParts(a_matrix), AijParts(p_matrix)) {}
-    Factors(const ProductWithP& its, const AijParts& of_a, const AijParts& of_p) : a(of_a.own), p(of_p.own), nodes(a.rows()), product(its) {
+    Factors(const ProductWithP& its, const AijParts& of_a, const AijParts& of_p) : a(of_a.own, of_a.lent), p(of_p.own), nodes(a.rows()), product(its) {
       if (of_a.others != nullptr) a_of_others.emplace(of_a.others);
       if (of_p.others != nullptr) p_of_others.emplace(of_p.others);
       if (its.ghost_rows_ != nullptr) p_of_ghosts.emplace(its.ghost_rows_[0]);

@@ -58,7 +58,7 @@ void PrincipalSubmatrix::copy_again() {
 template <int b>
 void PrincipalSubmatrix::copy_blocks() {
   const auto chosen = static_cast<Index>(nodes_.size());
-  const BlockRows<b, b> own(parts_.own);
+  const BlockRows<b, b> own(parts_.own, parts_.lent);
   std::optional<BlockRows<b, b>> others;
   if (parts_.others != nullptr) others.emplace(parts_.others);
   columns_.offsets.assign(1, 0);

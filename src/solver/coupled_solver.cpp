@@ -79,7 +79,10 @@ void CoupledSolver::choose() {
     // The analysis must not depend on values, which permuting to a large diagonal would make it do; the diagonal is large as it is.
     la::default_option(prefix, "mat_mumps_icntl_6", "0");
   }
-  if (splits) split_fields(pc);
+  if (splits)
+    split_fields(pc);
+  else
+    system_.hold_all_rows();
   POLYSLIP_PETSC(KSPSetFromOptions(ksp_));
 }
 
@@ -96,6 +99,10 @@ void CoupledSolver::split_fields(PC pc) {
   la::default_option(u, "ksp_type", "preonly");
   la::default_option(u, "pc_type", displacement_multigrid(system_));
   default_displacement_multigrid(system_, u, 1);
+  if (la::user_chooses(u.c_str(), "-pc_type", displacement_multigrid(system_)))
+    hold_rows_for_multigrid(system_, u);
+  else
+    system_.hold_all_rows();
   la::default_option(p, "ksp_type", "preonly");
   default_condensed_multigrid(p, system_.layout().dim());
 

@@ -71,6 +71,19 @@ void default_displacement_multigrid(const assembly::MechanicsSystem& system, con
   default_smoother(p + "mg_levels_", smoothing_steps);
 }
 
+void hold_rows_for_multigrid(assembly::MechanicsSystem& system, const std::string& prefix) {
+  const auto user_sets = [&](const std::string& name) { return la::user_sets(prefix.c_str(), ("-" + name).c_str()); };
+  bool is_ours = true;
+  constexpr int most_levels = 10;
+  for (int level = 1; level < most_levels; ++level)  // where there is no option for one level PETSc takes that for all
+    is_ours = is_ours && la::user_chooses(prefix.c_str(), ("-mg_levels_" + std::to_string(level) + "_pc_type").c_str(), la::block_icc);
+  for (const char* name : {"pc_gamg_type", "pc_gamg_asm_use_agg", "pc_mg_levels", "pc_mg_adapt_interp"}) is_ours = is_ours && !user_sets(name);
+  for (const char* name : {"-galerkin_by_blocks", "-elimination_pc_type"}) is_ours = is_ours && !la::user_sets(nullptr, name);
+  constexpr GlobalIndex fewest = 1000;  // of fewer nodes the coarsest level might be the finest
+  const bool factorises_windows = system.layout().dim() == 2;  // see NonlinearElimination
+  if (!is_ours || factorises_windows || is_split(system) || system.mesh().copies.total < fewest) system.hold_all_rows();
+}
+
 void split_displacement(const assembly::MechanicsSystem& system, PC pc) {
   if (!la::is_field_split(pc) || !is_split(system)) return;
   la::define_field(pc, "normal", system.normal_field());

@@ -45,7 +45,12 @@ void LinearSolver::choose() {
   user_ksp_ = la::user_sets(prefix, "-ksp_type");
   const bool user_pc = la::user_sets(prefix, "-pc_type");
   const bool multigrid = user_pc ? la::user_chooses(prefix, "-pc_type", displacement_multigrid(system_)) : !direct;
-  if (multigrid) default_displacement_multigrid(system_, prefix, 2);
+  if (multigrid) {
+    default_displacement_multigrid(system_, prefix, 2);
+    hold_rows_for_multigrid(system_, prefix);
+  } else {
+    system_.hold_all_rows();
+  }
   if (user_pc) {
     choice_ = "linear solver: as the options say";
   } else if (direct) {

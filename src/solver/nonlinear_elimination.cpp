@@ -3,6 +3,8 @@
 #include <algorithm>
 #include <cmath>
 #include <numeric>
+#include <stdexcept>
+#include <utility>
 
 #include "polyslip/common/mpi.hpp"
 #include "polyslip/la/vec_access.hpp"
@@ -97,17 +99,20 @@ bool NonlinearElimination::choose_rows() {
 }
 
 void NonlinearElimination::mark_neighbours(const std::vector<PetscInt>& rows) {
-  std::vector<PetscScalar> ones;
-  PetscInt block = 1;  // rows with the same columns
-  POLYSLIP_PETSC(MatGetBlockSize(system_.matrix(), &block));
-  for (std::size_t k = 0; k < rows.size(); k += static_cast<std::size_t>(block)) {
-    const PetscInt row = rows[k];
-    PetscInt n = 0;
-    const PetscInt* columns = nullptr;
-    POLYSLIP_PETSC(MatGetRow(system_.matrix(), row, &n, &columns, nullptr));
-    ones.resize(static_cast<std::size_t>(n), 1);
-    POLYSLIP_PETSC(VecSetValues(is_in_, n, columns, ones.data(), INSERT_VALUES));
-    POLYSLIP_PETSC(MatRestoreRow(system_.matrix(), row, &n, &columns, nullptr));
+  const assembly::Layout& layout = system_.layout();
+  std::vector<PetscInt> columns;
+  Index last = -1;
+  for (const PetscInt row : rows) {
+    const auto local = static_cast<Index>(row - layout.first());
+    const Index entity = layout.entity_of(local);
+    if (std::exchange(last, entity) == entity) continue;  // its rows have the same columns
+    columns.clear();
+    system_.bulk().visit_columns(entity, [&](Index other) {
+      const PetscInt first = layout.global(system_.bulk().first_component(other));
+      for (int c = 0; c < layout.width(other); ++c) columns.push_back(first + c);
+    });
+    const std::vector<PetscScalar> ones(columns.size(), 1);
+    POLYSLIP_PETSC(VecSetValues(is_in_, static_cast<PetscInt>(columns.size()), columns.data(), ones.data(), INSERT_VALUES));
   }
 }
 
@@ -159,6 +164,7 @@ void NonlinearElimination::set_up_window() {
     std::transform(rows_.begin(), rows_.end(), rows.begin(), [&](PetscInt row) { return row - system_.layout().first(); });
     blocks_->copy(rows);
   } else {
+    if (!system_.holds_all_rows()) throw std::logic_error("NonlinearElimination: PETSc cannot copy a window of rows that the matrix does not hold");
     POLYSLIP_PETSC(ISCreateGeneral(system_.mesh().comm, static_cast<PetscInt>(rows_.size()), rows_.data(), PETSC_COPY_VALUES, window_.put()));
     POLYSLIP_PETSC(MatCreateSubMatrix(system_.matrix(), window_, window_, MAT_INITIAL_MATRIX, matrix_.put()));
   }

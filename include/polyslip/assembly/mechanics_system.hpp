@@ -1,9 +1,9 @@
 // The discrete mechanical problem of scheme.md section 3: residual, exact linearisation, and its condensed form (section 6).
 //
-// One matrix is stored, over the displacements (of node copies, and of bubbles along normals where bubbles are on all faces):
-// P = A + sum_K C_K  with the bulk A (all cells but the + cells; assembled once) and the condensed blocks C_K of the + cells. Between
-// Newton iterations only the rows of + cells are rewritten. P is for preconditioners and factorisations; what is multiplied is A, by halves of
-// its blocks, and C_K cell by cell (MatMult of P, too): that moves half as much.
+// The matrix is over the displacements (of node copies, and of bubbles along normals where bubbles are on all faces):
+// P = A + sum_K C_K  with the bulk A (all cells but the + cells; assembled once, by halves of its blocks) and the condensed blocks C_K of the
+// + cells. What is multiplied is A, and C_K cell by cell (MatMult of P, too). P is for preconditioners and factorisations. Between Newton
+// iterations only the rows of + cells are rewritten, and only these are held, unless somebody needs all of them: the others are those of A.
 // Where frictional slip makes C_K unsymmetric, P may hold the blocks of the same states with the friction bounds held (symmetric, what multigrid
 // likes); the exact condensed operator is A + sum_K C_K, see apply_condensed.
 #pragma once
@@ -115,6 +115,12 @@ class MechanicsSystem {
   /// more of what cancels in rigid motions (on flat cells also in other linear fields; there it is so from the start). Collective.
   void multiply_whole_rows();
   [[nodiscard]] Mat matrix() const { return matrix_->get(); }
+  /// P holds all of its rows from now on, for whom reads it by PETSc's functions; else others than those of + cells are lent (la::lend_rows).
+  /// matrix() is another one then. Collective.
+  virtual void hold_all_rows();
+  [[nodiscard]] bool holds_all_rows() const { return holds_all_rows_; }
+  /// A, by entities of the layout; of prescribed displacements only diagonal entries are left. It has all couplings of P.
+  [[nodiscard]] const la::BlockOperator& bulk() const { return *bulk_; }
   [[nodiscard]] const la::KernelLog& kernels() const { return kernels_; }  ///< Of the assembly of the bulk.
   /// Rows of P that are nodal, with the rigid-body modes as their near null space, and those of bubbles along normals; null where bubbles
   /// are on fracture faces only (the modes are then those of P).
@@ -149,9 +155,13 @@ class MechanicsSystem {
 
  private:
   void assemble_bulk();
-  /// A by these blocks of the cells, and P = A; returns the flatness of the flattest cell.
-  double sum_up_bulk(physics::Blocks blocks);
+  /// A by these blocks of the cells; returns the flatness of the flattest cell.
+  double sum_up_bulk(const Csr& graph, physics::Blocks blocks);
+  /// P = A, of which the rows that are `wanted` are held.
+  template <class Wanted>
+  void create_matrix(Wanted&& wanted);
   void write_bulk();
+  void diagonal(Vec y) const;  ///< Of P.
   /// Cells without a block to condense whose displacements are `wanted`.
   template <class Wanted>
   [[nodiscard]] std::vector<Index> bulk_cells(Wanted&& wanted) const;
@@ -175,7 +185,8 @@ class MechanicsSystem {
   LoadAssembler load_assembler_;
   std::unique_ptr<la::BlockMatrix> matrix_;
   std::unique_ptr<la::BlockOperator> bulk_;  ///< A
-  const std::function<void(Vec, Vec)> product_ = [this](Vec x, Vec y) { apply(content_, x, y); };
+  bool holds_all_rows_ = false;
+  const la::Operations operations_{[this](Vec x, Vec y) { apply(content_, x, y); }, [this](Vec y) { diagonal(y); }};
   la::KernelLog kernels_{"rock"};
   la::Handle<IS> nodal_field_, normal_field_;
   std::vector<Index> contact_rows_;  ///< Owned entities whose rows + cells touch.

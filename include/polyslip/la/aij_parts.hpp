@@ -59,13 +59,22 @@ class AijValues {
   PetscScalar* values_ = nullptr;
 };
 
+class BlockOperator;
+constexpr const char* lent_rows = "polyslip lent rows";
+
 /// The local matrices of a MATAIJ: columns of this rank, and those of others (null on one rank) with their global numbers.
 struct AijParts {
   Mat own, others = nullptr;
   const PetscInt* global = nullptr;
+  const BlockOperator* lent = nullptr;  ///< Has the rows of `own` that are empty there, if any are lent (lend_rows).
 
   explicit AijParts(Mat matrix) : own(matrix) {
     PetscBool is_parallel = PETSC_FALSE;
+    PetscObject rows = nullptr;
+    void* pointer = nullptr;
+    POLYSLIP_PETSC(PetscObjectQuery(reinterpret_cast<PetscObject>(matrix), lent_rows, &rows));
+    if (rows != nullptr) POLYSLIP_PETSC(PetscContainerGetPointer(reinterpret_cast<PetscContainer>(rows), &pointer));
+    lent = static_cast<const BlockOperator*>(pointer);
     POLYSLIP_PETSC(PetscObjectTypeCompare(reinterpret_cast<PetscObject>(matrix), MATMPIAIJ, &is_parallel));
     if (is_parallel) POLYSLIP_PETSC(MatMPIAIJGetSeqAIJ(matrix, &own, &others, &global));
   }

@@ -82,15 +82,8 @@ class BlockMatrix {
     return offdiagonal_.row(row);
   }
 
-  /// Diagonal entries of the owned rows. MatGetDiagonal would look through these for them.
-  [[nodiscard]] std::vector<double> diagonal() const;
-
-  /// Calls visit(local entity) for the columns of an owned row: those of this rank ascend, and come first.
-  template <class Visit>
-  void visit_columns(Index row, Visit&& visit) const {
-    for (Index col : diagonal_.columns[row]) visit(col);
-    for (Index position : offdiagonal_.columns[row]) visit(owned_ + ghost_at_[static_cast<std::size_t>(position)]);
-  }
+  /// Whether an owned row has blocks in columns of this rank.
+  [[nodiscard]] bool has_own(Index row) const { return diagonal_.columns.row_size(row) > 0; }
 
   /// Makes the values ours to write (get) and PETSc's to use (put); writes go between the two.
   void begin_writing();
@@ -99,9 +92,6 @@ class BlockMatrix {
 
   [[nodiscard]] Mat get() const { return matrix_; }
   [[nodiscard]] Index owned() const { return owned_; }
-  [[nodiscard]] Index local() const { return owned_ + static_cast<Index>(ghost_position_.size()); }  ///< Entities, ghosts included.
-  /// Components of every entity; 0 where they differ.
-  [[nodiscard]] int common_width() const { return widths_.empty() ? block_ : 0; }
 
  private:
   /// The columns of this rank, or the others.

@@ -1,4 +1,4 @@
-// MATAIJ that consist of blocks, read by these.
+// MATAIJ that consist of blocks, read by these; rows that they do not hold, where these are (lend_rows).
 #pragma once
 
 #include <algorithm>
@@ -7,6 +7,7 @@
 
 #include "polyslip/common/types.hpp"
 #include "polyslip/la/aij_parts.hpp"
+#include "polyslip/la/block_operator.hpp"
 
 namespace polyslip::la {
 
@@ -14,16 +15,17 @@ namespace polyslip::la {
 template <int r, int c>
 class BlockRows {
  public:
-  explicit BlockRows(Mat matrix) : rows_(matrix) {}
+  explicit BlockRows(Mat matrix, const BlockOperator* lent = nullptr) : rows_(matrix), lent_(lent) {}
 
   [[nodiscard]] Index rows() const { return rows_.rows() / r; }
-  [[nodiscard]] Index blocks() const { return rows_.offsets()[rows_.rows()] / (r * c); }
-  [[nodiscard]] Index row_size(Index i) const { return (rows_.offsets()[i * r + 1] - rows_.offsets()[i * r]) / c; }  ///< Blocks.
+  [[nodiscard]] Index row_size(Index i) const { return is_lent(i) ? lent_->own_blocks(i) : width(i) / c; }  ///< Blocks.
   /// visit(column, first entry, entries from one row to the next) for the blocks of row i.
   template <class Visit>
   void visit(Index i, Visit&& visit) const {
-    const PetscInt first = rows_.offsets()[i * r], width = rows_.offsets()[i * r + 1] - first;
-    for (PetscInt k = 0; k < width; k += c) visit(rows_.columns()[first + k] / c, rows_.values() + first + k, width);
+    if constexpr (r == c)
+      if (is_lent(i)) return lent_->template visit_own<c>(i, visit);
+    const PetscInt first = rows_.offsets()[i * r], entries = width(i);
+    for (PetscInt k = 0; k < entries; k += c) visit(rows_.columns()[first + k] / c, rows_.values() + first + k, entries);
   }
 
   /// Whether all entries belong to whole blocks; `global` are the numbers of columns, if they are not those of the matrix.
@@ -46,7 +48,11 @@ class BlockRows {
   }
 
  private:
+  [[nodiscard]] PetscInt width(Index i) const { return rows_.offsets()[i * r + 1] - rows_.offsets()[i * r]; }
+  [[nodiscard]] bool is_lent(Index i) const { return lent_ != nullptr && width(i) == 0; }
+
   AijRows rows_;
+  const BlockOperator* lent_;
 };
 
 /// Numbers of blocks of c columns that others own.

@@ -21,6 +21,10 @@ bool suits_multigrid(const assembly::MechanicsSystem& system);
 /// iterations; GMRES for displacement and pressure takes as many with one, as other errors hold it up.
 void default_displacement_multigrid(const assembly::MechanicsSystem& system, const std::string& prefix, int smoothing_steps);
 
+/// Lets the matrix hold all of its rows unless such a preconditioner is to be set up whose options leave all that reads the finest matrix to this
+/// program: then most rows need not be written. Only after its defaults are set. Collective.
+void hold_rows_for_multigrid(assembly::MechanicsSystem& system, const std::string& prefix);
+
 /// Hands the fields to a preconditioner that splits displacements with bubbles on all faces; others are left as they are.
 void split_displacement(const assembly::MechanicsSystem& system, PC pc);
 

@@ -206,23 +206,55 @@ TEST_P(linearisation, condensed_direction_solves_the_saddle_system) {
 }
 
 TEST_P(linearisation, products_are_those_of_the_entries_of_the_matrix) {
-  la::Handle<Vec> x = system_.layout().create_displacement_vector(), zero = system_.layout().create_displacement_vector(),
-                  product = system_.layout().create_displacement_vector(), of_entries = system_.layout().create_displacement_vector();
+  la::Handle<Vec> x = system_.layout().create_displacement_vector(), product = system_.layout().create_displacement_vector(), of_entries = system_.layout().create_displacement_vector();
   {
     const la::Handle<Vec> y = random_vector(system_, 37);
     const VecRead a(y);
     const la::VecWrite b(x);
     std::copy_n(a.data(), system_.layout().displacement_size(), b.data());
   }
+  system_.hold_all_rows();
   for (bool by_halves : {true, false}) {
     if (!by_halves) system_.multiply_whole_rows();
     for (Content content : {Content::bulk, Content::symmetric, Content::exact}) {
       system_.linearise(scene_.x, content);
+      const auto expect_same = [&] { EXPECT_LT(distance(product, of_entries, 0, system_.layout().displacement_size()), 1e-14) << by_halves; };
+      la::Handle<Mat> entries;
+      POLYSLIP_PETSC(MatDuplicate(system_.matrix(), MAT_COPY_VALUES, entries.put()));  // with the operations of PETSc
+      POLYSLIP_PETSC(MatMult(entries, x, of_entries));
       POLYSLIP_PETSC(MatMult(system_.matrix(), x, product));
-      POLYSLIP_PETSC(MatMultAdd(system_.matrix(), x, zero, of_entries));  // which is PETSc's
-      EXPECT_LT(distance(product, of_entries, 0, system_.layout().displacement_size()), 1e-14) << by_halves;
+      expect_same();
+      POLYSLIP_PETSC(MatMultAdd(entries, x, x, of_entries));
+      POLYSLIP_PETSC(MatMultAdd(system_.matrix(), x, x, product));
+      expect_same();
+      POLYSLIP_PETSC(MatGetDiagonal(entries, of_entries));
+      POLYSLIP_PETSC(MatGetDiagonal(system_.matrix(), product));
+      expect_same();
     }
   }
+}
+
+TEST_P(linearisation, holds_the_rows_of_plus_cells_and_all_of_them_when_told_whatever_it_is_linearised_at) {
+  const auto rows_with_entries = [&] {
+    const la::AijRows rows(la::AijParts(system_.matrix()).own);
+    std::vector<PetscInt> filled;
+    for (PetscInt row = 0; row < rows.rows(); ++row)
+      if (rows.offsets()[row + 1] > rows.offsets()[row]) filled.push_back(row);
+    return filled;
+  };
+  EXPECT_EQ(rows_with_entries(), system_.changing_rows());
+  MechanicsSystem other(scene_.mesh, scene_.problem);
+  other.set_previous_jumps(system_.previous_jumps());
+  for (MechanicsSystem* system : {&system_, &other}) {
+    system->linearise(scene_.x, Content::exact);
+    system->hold_all_rows();  // of the other one before it is linearised again
+  }
+  other.linearise(scene_.x, Content::bulk);
+  other.linearise(scene_.x, Content::exact);
+  EXPECT_EQ(static_cast<Index>(rows_with_entries().size()), system_.layout().displacement_size());
+  PetscBool same = PETSC_FALSE;
+  POLYSLIP_PETSC(MatEqual(system_.matrix(), other.matrix(), &same));
+  EXPECT_TRUE(same);
 }
 
 TEST_P(linearisation, contact_line_follows_the_full_residual) {

@@ -149,18 +149,6 @@ TEST_P(block_matrix, rows_can_be_cleared_and_written_again) {
   EXPECT_LT(reference_.distance(matrix_.get()), 1e-15);
 }
 
-TEST_P(block_matrix, gives_the_diagonal_of_the_matrix) {
-  matrix_.begin_writing();
-  matrix_.set_zero();
-  add_everywhere(1);
-  matrix_.end_writing();
-  Handle<Vec> diagonal;
-  POLYSLIP_PETSC(MatCreateVecs(matrix_.get(), diagonal.put(), nullptr));
-  POLYSLIP_PETSC(MatGetDiagonal(matrix_.get(), diagonal));
-  const VecRead expected(diagonal);
-  EXPECT_EQ(matrix_.diagonal(), std::vector<double>(expected.data(), expected.data() + components_.owned));
-}
-
 TEST_P(block_matrix, tells_petsc_that_values_changed) {
   PetscObjectState before = 0, after = 0;
   POLYSLIP_PETSC(PetscObjectStateGet(reinterpret_cast<PetscObject>(matrix_.get()), &before));
@@ -178,18 +166,6 @@ TEST_P(block_matrix, has_the_block_size_that_multigrid_needs) {
     POLYSLIP_PETSC(MatGetBlockSize(matrix, &size));
     EXPECT_EQ(size, block_ > 0 ? block_ : 1);
   }
-}
-
-TEST_P(block_matrix, lets_others_multiply) {
-  const std::function<void(Vec, Vec)> twice = [](Vec x, Vec y) { POLYSLIP_PETSC(VecAXPBY(y, 2, 0, x)); };
-  replace_product(matrix_.get(), twice);
-  Handle<Vec> x, y;
-  POLYSLIP_PETSC(MatCreateVecs(matrix_.get(), x.put(), y.put()));
-  POLYSLIP_PETSC(VecSet(x, 3));
-  POLYSLIP_PETSC(MatMult(matrix_.get(), x, y));
-  PetscReal largest = 0;
-  POLYSLIP_PETSC(VecNorm(y, NORM_INFINITY, &largest));
-  EXPECT_EQ(largest, 6);
 }
 
 INSTANTIATE_TEST_SUITE_P(blocks, block_matrix, testing::Values(1, 2, 3, -2, -3));

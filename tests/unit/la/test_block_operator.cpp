@@ -8,7 +8,11 @@
 #include <tuple>
 
 #include "polyslip/common/mpi.hpp"
+#include "polyslip/la/aggregation_graph.hpp"
 #include "polyslip/la/block_operator.hpp"
+#include "polyslip/la/galerkin_product.hpp"
+#include "polyslip/la/incomplete_cholesky.hpp"
+#include "polyslip/la/principal_submatrix.hpp"
 #include "polyslip/la/vec_access.hpp"
 
 namespace polyslip::la {
@@ -27,7 +31,9 @@ class block_operator : public testing::TestWithParam<std::tuple<int, bool>> {
   std::vector<GlobalIndex> number_;  ///< Of local entities.
   std::vector<GlobalIndex> start_;   ///< First component of each entity.
   std::vector<char> widths_;         ///< Of local entities.
-  std::unique_ptr<BlockMatrix> matrix_;
+  std::vector<GlobalIndex> ghosts_;  ///< First component of each.
+  BlockMatrix::Layout layout_;
+  Csr graph_;
 
   block_operator() {
     for (GlobalIndex i = first_; i < first_ + owned_; ++i) number_.push_back(i);
@@ -36,20 +42,16 @@ class block_operator : public testing::TestWithParam<std::tuple<int, bool>> {
     std::shuffle(number_.begin() + owned_, number_.end(), std::mt19937(5));
     start_ = {0};
     for (GlobalIndex i = 0; i < total_; ++i) start_.push_back(start_.back() + width(i));
-    std::vector<GlobalIndex> ghosts;
     for (GlobalIndex i : number_) widths_.push_back(static_cast<char>(width(i)));
-    for (std::size_t i = static_cast<std::size_t>(owned_); i < number_.size(); ++i) ghosts.push_back(start_[number_[i]]);
-    Csr graph;
+    for (std::size_t i = static_cast<std::size_t>(owned_); i < number_.size(); ++i) ghosts_.push_back(start_[number_[i]]);
+    layout_ = {comm_, block_, owned_, start_[first_], ghosts_, block_ > 0 ? std::span<const char>() : std::span<const char>(widths_)};
     std::vector<Index> row;
     for (Index i = 0; i < owned_; ++i) {
       row.clear();
       for (Index j = static_cast<Index>(number_.size()) - 1; j >= 0; --j)
         if (coupled(number_[i], number_[j])) row.push_back(j);
-      graph.push_row(row);
+      graph_.push_row(row);
     }
-    matrix_ = std::make_unique<BlockMatrix>(
-        BlockMatrix::Layout{comm_, block_, owned_, start_[first_], ghosts, block_ > 0 ? std::span<const char>() : std::span<const char>(widths_)},
-        graph);
   }
   [[nodiscard]] int width(GlobalIndex i) const { return block_ > 0 ? block_ : 1 + i % 2; }
   [[nodiscard]] static bool coupled(GlobalIndex i, GlobalIndex j) { return i == j || (i + j + i * j) % 3 != 0; }
@@ -86,7 +88,7 @@ class block_operator : public testing::TestWithParam<std::tuple<int, bool>> {
 };
 
 TEST_P(block_operator, holds_one_of_two_blocks_by_halves_and_all_of_them_otherwise) {
-  const BlockOperator a(*matrix_, by_halves_);
+  const BlockOperator a(layout_, graph_, by_halves_);
   double blocks = 0;
   for (Index i = 0; i < owned_; ++i)
     for (Index j = 0; j < static_cast<Index>(number_.size()); ++j) {
@@ -98,7 +100,7 @@ TEST_P(block_operator, holds_one_of_two_blocks_by_halves_and_all_of_them_otherwi
 }
 
 TEST_P(block_operator, multiplies_by_all_that_was_added) {
-  BlockOperator a(*matrix_, by_halves_);
+  BlockOperator a(layout_, graph_, by_halves_);
   assemble(a);
   std::vector<double> expected(static_cast<std::size_t>(start_[first_ + owned_] - start_[first_])), found(expected.size(), 1e9), local;
   visit_entries([&](GlobalIndex i, GlobalIndex j) { expected[static_cast<std::size_t>(i - start_[first_])] += entry(i, j) * x(j); });
@@ -109,24 +111,196 @@ TEST_P(block_operator, multiplies_by_all_that_was_added) {
 }
 
 TEST_P(block_operator, is_written_with_both_halves) {
-  BlockOperator a(*matrix_, by_halves_);
+  BlockOperator a(layout_, graph_, by_halves_);
   assemble(a);
-  matrix_->begin_writing();
-  a.write_to(*matrix_);
-  matrix_->end_writing();
+  BlockMatrix matrix(layout_, graph_);
+  matrix.begin_writing();
+  a.write_to(matrix);
+  matrix.end_writing();
   PetscInt entries = 0;
   visit_entries([&](PetscInt i, PetscInt j) {
     PetscScalar value = 0;
-    POLYSLIP_PETSC(MatGetValues(matrix_->get(), 1, &i, 1, &j, &value));
+    POLYSLIP_PETSC(MatGetValues(matrix.get(), 1, &i, 1, &j, &value));
     EXPECT_NEAR(value, entry(i, j), 1e-15) << i << " " << j;
     ++entries;
   });
   MatInfo info;
-  POLYSLIP_PETSC(MatGetInfo(matrix_->get(), MAT_LOCAL, &info));
+  POLYSLIP_PETSC(MatGetInfo(matrix.get(), MAT_LOCAL, &info));
   EXPECT_EQ(info.nz_used, entries);
 }
 
+TEST_P(block_operator, knows_its_diagonal_and_its_couplings) {
+  BlockOperator a(layout_, graph_, by_halves_);
+  assemble(a);
+  std::vector<double> expected;
+  for (GlobalIndex i = start_[first_]; i < start_[first_ + owned_]; ++i) expected.push_back(entry(i, i));
+  EXPECT_EQ(a.diagonal(), expected);
+  Csr graph = a.graph();
+  ASSERT_EQ(graph.rows(), owned_);
+  for (Index i = 0; i < owned_; ++i) {
+    std::vector<Index> row(graph_[i].begin(), graph_[i].end());
+    std::sort(row.begin(), row.end());
+    std::sort(graph[i].begin(), graph[i].end());
+    EXPECT_TRUE(std::equal(row.begin(), row.end(), graph[i].begin(), graph[i].end())) << i;
+  }
+}
+
+TEST_P(block_operator, lets_others_multiply_and_take_the_diagonal) {
+  const BlockMatrix matrix(layout_, graph_);
+  const Operations operations{[](Vec x, Vec y) { POLYSLIP_PETSC(VecAXPBY(y, 2, 0, x)); }, [](Vec y) { POLYSLIP_PETSC(VecSet(y, 7)); }};
+  replace_operations(matrix.get(), operations);
+  Handle<Vec> x, y;
+  POLYSLIP_PETSC(MatCreateVecs(matrix.get(), x.put(), y.put()));
+  const auto largest = [&] {
+    PetscReal norm = 0;
+    POLYSLIP_PETSC(VecNorm(y, NORM_INFINITY, &norm));
+    return norm;
+  };
+  POLYSLIP_PETSC(VecSet(x, 3));
+  POLYSLIP_PETSC(MatMult(matrix.get(), x, y));
+  EXPECT_EQ(largest(), 6);
+  POLYSLIP_PETSC(MatMultAdd(matrix.get(), x, y, y));
+  EXPECT_EQ(largest(), 12);
+  POLYSLIP_PETSC(MatMultAdd(matrix.get(), x, x, y));
+  EXPECT_EQ(largest(), 9);
+  POLYSLIP_PETSC(MatGetDiagonal(matrix.get(), y));
+  EXPECT_EQ(largest(), 7);
+}
+
 INSTANTIATE_TEST_SUITE_P(blocks, block_operator, testing::Combine(testing::Values(1, 2, 3, 0), testing::Bool()));
+
+/// Two of the same entries: one that holds all of them, and one that holds each third row, and of the others what belongs to ghosts.
+class lent_rows_of_blocks : public block_operator {
+ protected:
+  BlockOperator a_{layout_, graph_, by_halves_};
+  BlockMatrix whole_{layout_, graph_}, thin_{layout_, thin_graph()};
+
+  lent_rows_of_blocks() {
+    assemble(a_);
+    for (BlockMatrix* matrix : {&whole_, &thin_}) {
+      matrix->begin_writing();
+      a_.write_to(*matrix);
+      matrix->end_writing();
+      form_galerkin_products_by_blocks(matrix->get());
+      form_graphs_by_blocks(matrix->get());
+    }
+    replace_operations(thin_.get(), operations_);
+    lend_rows(thin_.get(), a_);
+  }
+  [[nodiscard]] Csr thin_graph() const {
+    Csr graph;
+    std::vector<Index> row;
+    for (Index i = 0; i < owned_; ++i) {
+      row.clear();
+      for (Index j : graph_[i])
+        if (number_[i] % 3 == 0 || j >= owned_) row.push_back(j);
+      graph.push_row(row);
+    }
+    return graph;
+  }
+  /// Three modes of aggregates of three nodes, of which each node sees two, or six in 3D.
+  [[nodiscard]] Handle<Mat> prolongation() const {
+    const PetscInt modes = block_ == 2 ? 3 : 6, aggregates = (owned_ + 2) / 3;
+    const auto first = static_cast<PetscInt>(mpi::exclusive_sum(comm_, static_cast<Index>(aggregates)));
+    const auto all = static_cast<PetscInt>(mpi::sum(comm_, static_cast<long long>(aggregates)));
+    Handle<Mat> p;
+    POLYSLIP_PETSC(MatCreateAIJ(comm_, owned_ * block_, aggregates * modes, PETSC_DETERMINE, PETSC_DETERMINE, 2 * modes, nullptr, 2 * modes, nullptr,
+                                p.put()));
+    POLYSLIP_PETSC(MatSetBlockSizes(p, block_, modes));
+    for (PetscInt row = 0; row < owned_ * block_; ++row)
+      for (PetscInt aggregate : {first + row / block_ / 3, (first + row / block_ / 3 + 1) % all})
+        for (PetscInt mode = 0; mode < modes; ++mode)
+          POLYSLIP_PETSC(MatSetValue(p, start_[first_] + row, aggregate * modes + mode, std::cos(row + 2.0 * aggregate + 3.0 * mode), INSERT_VALUES));
+    POLYSLIP_PETSC(MatAssemblyBegin(p, MAT_FINAL_ASSEMBLY));
+    POLYSLIP_PETSC(MatAssemblyEnd(p, MAT_FINAL_ASSEMBLY));
+    return p;
+  }
+  /// The results of two matrices are the same to the bit.
+  template <class Make>
+  void expect_same(Make&& make) const {
+    const Handle<Mat> of_whole = make(whole_.get()), of_thin = make(thin_.get());
+    PetscBool same = PETSC_FALSE;
+    PetscReal size = 0;
+    POLYSLIP_PETSC(MatEqual(of_whole, of_thin, &same));
+    POLYSLIP_PETSC(MatNorm(of_whole, NORM_FROBENIUS, &size));
+    EXPECT_TRUE(same);
+    EXPECT_GT(size, 0);
+  }
+  void expect_same(const Handle<Vec>& of_whole, const Handle<Vec>& of_thin) const {
+    PetscBool same = PETSC_FALSE;
+    PetscReal size = 0;
+    POLYSLIP_PETSC(VecEqual(of_whole, of_thin, &same));
+    POLYSLIP_PETSC(VecNorm(of_whole, NORM_2, &size));
+    EXPECT_TRUE(same);
+    EXPECT_GT(size, 0);
+  }
+  [[nodiscard]] Handle<Vec> some_vector(Mat matrix) const {
+    Handle<Vec> x;
+    PetscInt first = 0, end = 0;
+    POLYSLIP_PETSC(MatCreateVecs(matrix, x.put(), nullptr));
+    POLYSLIP_PETSC(VecGetOwnershipRange(x, &first, &end));
+    const VecWrite values(x);
+    for (PetscInt i = first; i < end; ++i) values[i - first] = entry(i, 3);
+    return x;
+  }
+
+ private:
+  const Operations operations_{[](Vec, Vec) { FAIL() << "a product nobody has asked for"; }, [](Vec) { FAIL() << "a diagonal nobody has asked for"; }};
+};
+
+TEST_P(lent_rows_of_blocks, are_read_by_graphs_and_products_as_if_they_were_held) {
+  const Handle<Mat> p = prolongation();
+  expect_same([](Mat matrix) {
+    Handle<Mat> graph;
+    POLYSLIP_PETSC(MatCreateGraph(matrix, PETSC_TRUE, PETSC_TRUE, -1, graph.put()));
+    return graph;
+  });
+  expect_same([&](Mat matrix) {
+    Handle<Mat> product;
+    POLYSLIP_PETSC(MatMatMult(matrix, p, MAT_INITIAL_MATRIX, PETSC_DEFAULT, product.put()));
+    return product;
+  });
+  expect_same([&](Mat matrix) {
+    Handle<Mat> product;
+    POLYSLIP_PETSC(MatPtAP(matrix, p, MAT_INITIAL_MATRIX, PETSC_DEFAULT, product.put()));
+    return product;
+  });
+}
+
+TEST_P(lent_rows_of_blocks, are_read_by_incomplete_factors_as_if_they_were_held) {
+  POLYSLIP_PETSC(register_block_icc());
+  const auto solution = [&](Mat matrix) {
+    Handle<PC> pc;
+    const Handle<Vec> r = some_vector(matrix);
+    Handle<Vec> z;
+    POLYSLIP_PETSC(VecDuplicate(r, z.put()));
+    POLYSLIP_PETSC(PCCreate(comm_, pc.put()));
+    POLYSLIP_PETSC(PCSetOperators(pc, matrix, matrix));
+    POLYSLIP_PETSC(PCSetType(pc, block_icc));
+    POLYSLIP_PETSC(PCSetUp(pc));
+    POLYSLIP_PETSC(PCApply(pc, r, z));
+    return z;
+  };
+  expect_same(solution(whole_.get()), solution(thin_.get()));
+}
+
+TEST_P(lent_rows_of_blocks, are_read_by_principal_submatrices_as_if_they_were_held) {
+  std::vector<PetscInt> chosen;
+  for (PetscInt row = 0; row < owned_ * block_; ++row)
+    if (row / block_ % 4 != 1) chosen.push_back(row);
+  const auto product = [&](Mat matrix) {
+    PrincipalSubmatrix part(matrix);
+    part.copy(chosen);
+    const Handle<Vec> x = some_vector(part.get());
+    Handle<Vec> y;
+    POLYSLIP_PETSC(VecDuplicate(x, y.put()));
+    POLYSLIP_PETSC(MatMult(part.get(), x, y));
+    return y;
+  };
+  expect_same(product(whole_.get()), product(thin_.get()));
+}
+
+INSTANTIATE_TEST_SUITE_P(blocks, lent_rows_of_blocks, testing::Combine(testing::Values(2, 3), testing::Bool()));
 
 }  // namespace
 }  // namespace polyslip::la
