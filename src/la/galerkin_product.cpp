@@ -4,6 +4,7 @@
 
 #include <Eigen/Core>
 #include <algorithm>
+#include <array>
 #include <memory>
 #include <numeric>
 #include <optional>
@@ -23,7 +24,7 @@ namespace polyslip::la {
 
 namespace {
 
-constexpr const char *by_petsc = "polyslip_product_by_petsc_C", *sequential = "MatProductSetFromOptions_seqaij_seqaij_C",
+constexpr const char *by_petsc = "polyslip_product_by_petsc_C", *symmetric = "polyslip_product_symmetric_C", *sequential = "MatProductSetFromOptions_seqaij_seqaij_C",
                      *parallel = "MatProductSetFromOptions_mpiaij_mpiaij_C";
 constexpr Index none = -1;
 
@@ -92,6 +93,8 @@ class Product {
   virtual ~Product() = default;
   /// Writes the entries of the product.
   virtual void multiply(Mat a, Mat p, Mat product) = 0;
+
+  bool is_symmetric = false;  ///< A
 };
 
 /// Nodes of this rank are followed by the ghosts of A; aggregates, in an order of their own, likewise by those of the product.
@@ -121,6 +124,21 @@ class ProductWithP : public Product {
     template <class Visit>
     void visit_a(Index i, Visit&& visit) const {
       a.visit(i, visit);
+      visit_a_of_others(i, visit);
+    }
+    /// Of a symmetric matrix, what adds up to it with its transposed: nodes of this rank alone.
+    template <class Visit>
+    void visit_half_of_a(Index i, Visit&& visit) const {
+      a.visit_lower(i, [&](Index j, const double* block, PetscInt width) {
+        if (j < i) return visit(j, block, width);
+        std::array<double, b * b> half;
+        for (int r = 0; r < b; ++r)
+          for (int l = 0; l < b; ++l) half[static_cast<std::size_t>(r * b + l)] = block[r * width + l] / 2;
+        visit(j, half.data(), b);
+      });
+    }
+    template <class Visit>
+    void visit_a_of_others(Index i, Visit&& visit) const {
       if (a_of_others) a_of_others->visit(i, [&](Index ghost, const double* block, PetscInt width) { visit(nodes + ghost, block, width); });
     }
     template <class Visit>
@@ -254,13 +272,14 @@ class RowOfAp {
  public:
   explicit RowOfAp(Index aggregates) : slot_(static_cast<std::size_t>(aggregates), none) {}
 
-  template <class Factors>
-  void multiply(const Factors& factors, Index i) {
+  /// visit_a calls what it is given for the blocks of a row of A.
+  template <class Factors, class VisitA>
+  void multiply(const Factors& factors, VisitA&& visit_a) {
     for (Index column : columns_) slot_[static_cast<std::size_t>(column)] = none;
     columns_.clear();
     Index* const slot = slot_.data();  // what Eigen writes might be anything of this object, for all the compiler knows
     double* blocks = blocks_.data();
-    factors.visit_a(i, [&](Index j, const double* a, PetscInt a_width) {
+    visit_a([&](Index j, const double* a, PetscInt a_width) {
       factors.visit_p(j, [&](Index aggregate, const double* p, PetscInt p_width) {
         if (slot[aggregate] == none) {
           slot[aggregate] = append(aggregate);
@@ -270,6 +289,7 @@ class RowOfAp {
       });
     });
   }
+  [[nodiscard]] bool is_empty() const { return columns_.empty(); }
   /// W_iK of all aggregates: null where there is none.
   [[nodiscard]] auto row() const {
     return [slot = slot_.data(), blocks = blocks_.data()](Index aggregate) {
@@ -317,7 +337,7 @@ class ProductAp final : public ProductWithP<b, c> {
     RowOfAp<b, c> w(Base::aggregates());
     BlockWriter<b, c> writer(product, this->owned_);
     for (Index i = 0; i < factors.nodes; ++i) {
-      w.multiply(factors, i);
+      w.multiply(factors, [&](auto&& visit) { factors.visit_a(i, visit); });
       const std::span<const Index> columns = std::as_const(rows_)[i];
       writer.append(columns, [row = w.row(), columns](std::size_t k) { return row(columns[k]); });
     }
@@ -353,16 +373,27 @@ class ProductPtAp final : public ProductWithP<b, c> {
     const Factors factors(*this, a, p);
     std::vector<double> sums(rows_.values.size() * size, 0.0);
     RowOfAp<b, c> w(Base::aggregates());
-    for (Index i = 0; i < factors.nodes; ++i) {
-      w.multiply(factors, i);
-      factors.visit_own_p(i, [&, row = w.row()](Index aggregate, const double* block, PetscInt width) {
-        double* sum = at(sums, rows_.offsets[aggregate]);
-        for (Index column : std::as_const(rows_)[aggregate]) {
-          if (const double* its = row(column); its != nullptr)
-            add_product<c, b, c>([&](int r, int l) { return block[l * width + r]; }, its, c, sum);
-          sum += size;
-        }
-      });
+    /// visit_a(i, visit) for the blocks of row i of A that are to be added.
+    const auto add = [&](auto&& visit_a) {
+      for (Index i = 0; i < factors.nodes; ++i) {
+        w.multiply(factors, [&](auto&& visit) { visit_a(i, visit); });
+        if (w.is_empty()) continue;
+        factors.visit_own_p(i, [&, row = w.row()](Index aggregate, const double* block, PetscInt width) {
+          double* sum = at(sums, rows_.offsets[aggregate]);
+          for (Index column : std::as_const(rows_)[aggregate]) {
+            if (const double* its = row(column); its != nullptr)
+              add_product<c, b, c>([&](int r, int l) { return block[l * width + r]; }, its, c, sum);
+            sum += size;
+          }
+        });
+      }
+    };
+    if (this->is_symmetric) {
+      add([&](Index i, auto&& visit) { factors.visit_half_of_a(i, visit); });
+      add_transposed(sums);
+      add([&](Index i, auto&& visit) { factors.visit_a_of_others(i, visit); });
+    } else {
+      add([&](Index i, auto&& visit) { factors.visit_a(i, visit); });
     }
     exchange_sums(sums, product);
     BlockWriter<c, c> writer(product, owned_);
@@ -374,6 +405,22 @@ class ProductPtAp final : public ProductWithP<b, c> {
  private:
   static constexpr std::size_t size = c * c;
   static double* at(std::vector<double>& sums, Index block) { return sums.data() + static_cast<std::size_t>(block) * size; }
+
+  /// Of nodes of this rank alone, where all that is not zero has its place on both sides of the diagonal.
+  void add_transposed(std::vector<double>& sums) const {
+    using Block = Eigen::Map<Eigen::Matrix<double, c, c, Eigen::RowMajor>>;
+    for (Index row = 0; row < rows_.rows(); ++row)
+      for (Index k = rows_.offsets[row]; k < rows_.offsets[row + 1]; ++k) {
+        const Index column = rows_.values[static_cast<std::size_t>(k)];
+        if (column < row) continue;
+        const std::span<const Index> mirrored = std::as_const(rows_)[column];
+        const auto place = std::lower_bound(mirrored.begin(), mirrored.end(), row);
+        if (place == mirrored.end() || *place != row) continue;
+        Block above(at(sums, k)), below(at(sums, rows_.offsets[column] + static_cast<Index>(place - mirrored.begin())));
+        above += below.transpose().eval();
+        below = above.transpose().eval();
+      }
+  }
 
   /// The columns of the rows of C that nodes of this rank add to.
   void find_rows(const Factors& factors) {
@@ -557,6 +604,7 @@ PetscErrorCode find_pattern(Mat product) {
   PetscFunctionBeginUser;
   Mat_Product& its = *product->product;
   auto by_blocks = std::make_unique<ProductOfBlocks>();
+  PetscCallCXX(by_blocks->is_symmetric = forms_symmetric_products(its.A));
   PetscCallCXX(by_blocks->find_pattern(its.A, its.B, product));
   its.data = by_blocks.release();
   its.destroy = destroy;
@@ -565,7 +613,7 @@ PetscErrorCode find_pattern(Mat product) {
     product->ops->axpy = add_subset;  // of P itself, for a smoothed one
   } else {
     PetscCallCXX(multiply_by_blocks(its.B));
-    PetscCallCXX(form_galerkin_products_by_blocks(product));
+    PetscCallCXX(form_galerkin_products_by_blocks(product, forms_symmetric_products(its.A)));
     PetscCallCXX(form_graphs_by_blocks(product));
   }
   PetscFunctionReturn(0);
@@ -595,32 +643,36 @@ Method choose_method(const Mat_Product& product) {
   return nullptr;
 }
 
+/// That is composed with a matrix; null where none is.
+Method method_of(Mat matrix, const char* name) {
+  Method method = nullptr;
+  POLYSLIP_PETSC(PetscObjectQueryFunction(reinterpret_cast<PetscObject>(matrix), name, &method));
+  return method;
+}
+
 PetscErrorCode set_from_options(Mat product) {
   PetscFunctionBeginUser;
   const Mat_Product& its = *product->product;
   PetscCallCXX(product->ops->productsymbolic = choose_method(its));
   if (product->ops->productsymbolic != nullptr) PetscFunctionReturn(0);
   Method petsc = nullptr;
-  PetscCall(PetscObjectQueryFunction(reinterpret_cast<PetscObject>(its.A), by_petsc, &petsc));
-  if (petsc == nullptr) PetscCall(PetscObjectQueryFunction(reinterpret_cast<PetscObject>(its.B), by_petsc, &petsc));
+  PetscCallCXX(petsc = method_of(forms_galerkin_products_by_blocks(its.A) ? its.A : its.B, by_petsc));
   PetscCall((*petsc)(product));
   PetscFunctionReturn(0);
 }
 
 }  // namespace
 
-bool forms_galerkin_products_by_blocks(Mat matrix) {
-  Method petsc = nullptr;
-  POLYSLIP_PETSC(PetscObjectQueryFunction(reinterpret_cast<PetscObject>(matrix), by_petsc, &petsc));
-  return petsc != nullptr;
-}
+bool forms_galerkin_products_by_blocks(Mat matrix) { return method_of(matrix, by_petsc) != nullptr; }
+bool forms_symmetric_products(Mat matrix) { return method_of(matrix, symmetric) != nullptr; }
 
-void form_galerkin_products_by_blocks(Mat matrix) {
+void form_galerkin_products_by_blocks(Mat matrix, bool is_symmetric) {
   if (forms_galerkin_products_by_blocks(matrix)) return;
   const auto object = reinterpret_cast<PetscObject>(matrix);
   // PETSc asks a matrix by name where the two of a product do not agree on whom to ask.
   POLYSLIP_PETSC(PetscObjectComposeFunction(object, by_petsc, matrix->ops->productsetfromoptions));
   for (const char* types : {sequential, parallel}) POLYSLIP_PETSC(PetscObjectComposeFunction(object, types, set_from_options));
+  if (is_symmetric) POLYSLIP_PETSC(PetscObjectComposeFunction(object, symmetric, set_from_options));
   matrix->ops->productsetfromoptions = nullptr;
 }
 

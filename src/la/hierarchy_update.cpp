@@ -126,7 +126,7 @@ void complete_hierarchy(PC pc) {
 }
 
 HierarchyUpdate::HierarchyUpdate(Mat fine, const std::vector<PetscInt>& rows) : fine_(fine), change_(rows_of(fine, rows)), fine_rows_(fine, rows) {
-  form_galerkin_products_by_blocks(change_);
+  form_galerkin_products_by_blocks(change_, forms_symmetric_products(fine));
 }
 
 bool HierarchyUpdate::can_update(PC pc) {

@@ -100,7 +100,8 @@ void DisplacementHierarchy::set_up(KSP ksp) {
   PC pc = nullptr;
   POLYSLIP_PETSC(KSPGetPC(ksp, &pc));
   la::form_graphs_by_blocks(system_.matrix());
-  la::form_galerkin_products_by_blocks(system_.matrix());
+  constexpr bool is_symmetric = true;  // what multigrid is set up for always is: see MatrixContent
+  la::form_galerkin_products_by_blocks(system_.matrix(), is_symmetric);
   changes_.reset();
   if (system_.fracture_faces() == 0 || !has_one(pc)) {
     follow(ksp);

@@ -43,7 +43,13 @@ class BlockOperator {
   /// components; 0 where they differ.
   template <int b, class Visit>
   void visit_own(Index i, Visit&& visit) const;
-  /// The same for those with ghosts as well, which follow, whatever the widths.
+  /// The same for j <= i alone; all entities have b components.
+  template <int b, class Visit>
+  void visit_lower(Index i, Visit&& visit) const {
+    for (Index k = columns_.offsets[i]; k < end_of_own(i) && columns_.values[static_cast<std::size_t>(k)] <= i; ++k)
+      visit(columns_.values[static_cast<std::size_t>(k)], block(k), b);
+  }
+  /// visit_own for those with ghosts as well, which follow, whatever the widths.
   template <class Visit>
   void visit_row(Index i, Visit&& visit) const {
     visit_own<0>(i, visit);

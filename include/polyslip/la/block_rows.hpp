@@ -28,6 +28,16 @@ class BlockRows {
     for (PetscInt k = 0; k < entries; k += c) visit(rows_.columns()[first + k] / c, rows_.values() + first + k, entries);
   }
 
+  /// The same for the columns up to i, of square blocks.
+  template <class Visit>
+  void visit_lower(Index i, Visit&& visit) const {
+    static_assert(r == c);
+    if (is_lent(i)) return lent_->template visit_lower<c>(i, visit);
+    const PetscInt first = rows_.offsets()[i * r], entries = width(i);
+    for (PetscInt k = 0; k < entries && rows_.columns()[first + k] / c <= i; k += c)
+      visit(rows_.columns()[first + k] / c, rows_.values() + first + k, entries);
+  }
+
   /// Whether all entries belong to whole blocks; `global` are the numbers of columns, if they are not those of the matrix.
   [[nodiscard]] bool are_whole(const PetscInt* global) const {
     if (rows_.rows() % r != 0) return false;

@@ -181,7 +181,7 @@ class lent_rows_of_blocks : public block_operator {
       matrix->begin_writing();
       a_.write_to(*matrix);
       matrix->end_writing();
-      form_galerkin_products_by_blocks(matrix->get());
+      form_galerkin_products_by_blocks(matrix->get(), by_halves_);
       form_graphs_by_blocks(matrix->get());
     }
     replace_operations(thin_.get(), operations_);

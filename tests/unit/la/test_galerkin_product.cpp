@@ -63,8 +63,8 @@ la::Handle<Mat> left(Mat a, Mat p) {
 }
 /// The same for a matrix of which that is said first.
 template <class Product>
-la::Handle<Mat> by_blocks(Product&& product, Mat a, Mat p) {
-  la::form_galerkin_products_by_blocks(a);
+la::Handle<Mat> by_blocks(Product&& product, Mat a, Mat p, bool is_symmetric = false) {
+  la::form_galerkin_products_by_blocks(a, is_symmetric);
   return product(a, p);
 }
 
@@ -83,6 +83,12 @@ struct galerkin_product : testing::TestWithParam<std::array<PetscInt, 2>> {
       for (PetscInt step : {-13, -1, 0, 1, 8}) columns.push_back((i + step + all_nodes) % all_nodes);
       return columns;
     }, seed);
+  }
+  la::Handle<Mat> symmetric(double seed) const {
+    la::Handle<Mat> sum = a(seed), transposed;
+    POLYSLIP_PETSC(MatTranspose(sum, MAT_INITIAL_MATRIX, transposed.put()));
+    POLYSLIP_PETSC(MatAXPY(sum, 1, transposed, DIFFERENT_NONZERO_PATTERN));
+    return sum;
   }
   la::Handle<Mat> p(double seed) const {
     return blocks(b, c, nodes, aggregates, [&](PetscInt i) {
@@ -103,6 +109,22 @@ TEST_P(galerkin_product, is_that_of_petsc) {
   PetscInt block = 0;
   POLYSLIP_PETSC(MatGetBlockSize(product, &block));
   EXPECT_EQ(block, c);
+}
+
+TEST_P(galerkin_product, of_a_symmetric_matrix_is_that_of_petsc_and_reads_nothing_above_its_diagonal) {
+  const la::Handle<Mat> prolongation = p(0.1), plain = symmetric(0.3), matrix = symmetric(0.3);
+  const la::Handle<Mat> expected = galerkin(plain, prolongation), product = by_blocks(galerkin, matrix, prolongation, true);
+  EXPECT_TRUE(la::forms_symmetric_products(product)) << "for the next level";
+  EXPECT_LT(distance(expected, product), 1e-14);
+  EXPECT_EQ(entries(product), entries(expected));
+  PetscInt begin = 0, end = 0;
+  POLYSLIP_PETSC(MatGetOwnershipRange(matrix, &begin, &end));
+  for (PetscInt row = begin; row + b < end; row += b)  // of the next node
+    if (row / b % all_nodes != 4 && row / b % all_nodes != 5) POLYSLIP_PETSC(MatSetValue(matrix, row, row + b, 1e9, INSERT_VALUES));
+  assemble(matrix);
+  Mat reused = product;
+  POLYSLIP_PETSC(MatPtAP(matrix, prolongation, MAT_REUSE_MATRIX, PETSC_DEFAULT, &reused));
+  EXPECT_LT(distance(expected, product), 1e-14);
 }
 
 TEST_P(galerkin_product, follows_new_entries_of_both_factors) {
@@ -203,9 +225,7 @@ TEST_P(galerkin_product, is_left_to_petsc_by_option) {
 }
 
 TEST_P(galerkin_product, begins_with_the_graph_of_petsc) {
-  la::Handle<Mat> symmetric = a(0.3), transposed;
-  POLYSLIP_PETSC(MatTranspose(symmetric, MAT_INITIAL_MATRIX, transposed.put()));
-  POLYSLIP_PETSC(MatAXPY(symmetric, 1, transposed, DIFFERENT_NONZERO_PATTERN));
+  const la::Handle<Mat> symmetric = this->symmetric(0.3);
   for (const PetscBool scaled : {PETSC_FALSE, PETSC_TRUE})
     for (const double threshold : {-1.0, 0.8}) {
       la::Handle<Mat> matrix, expected, graph;
