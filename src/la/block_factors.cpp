@@ -147,9 +147,8 @@ class FactorsOf final : public BlockFactors {
   static constexpr Index none = -1;
   static constexpr double least = 0.05;  ///< Of A_ii, left in D_i. Few pivots are as small, and to damp more costs iterations (a tenth of P1's with 0.2).
   using Block = Eigen::Matrix<double, b, b, Eigen::RowMajor>;
-  template <class Real>
-  using Stored = Eigen::Map<Eigen::Matrix<Real, b, b, Eigen::RowMajor>>;
   using Lanes = Eigen::Array<float, width, 1>;
+  using TransposedBlock = std::array<Lanes, b>;  ///< Its columns. Single precision is more than the factors are kept in.
 
   /// What this rank has in common with another one.
   struct Border {
@@ -208,13 +207,8 @@ class FactorsOf final : public BlockFactors {
   static const Real* at(const std::vector<Real>& values, I i, int n) {
     return values.data() + static_cast<std::size_t>(i) * static_cast<std::size_t>(n);
   }
-  template <class Real>
-  static Block block_at(std::vector<Real>& values, Index i) {
-    return Stored<Real>(at(values, i, size)).template cast<double>();
-  }
-  template <class Real, class I>
-  static void store(const Block& block, std::vector<Real>& values, I i) {
-    Stored<Real>(at(values, i, size)) = block.template cast<float>().template cast<Real>();
+  static void store(const Block& block, std::vector<float>& values, Index i) {
+    Eigen::Map<Eigen::Matrix<float, b, b, Eigen::RowMajor>>(at(values, i, size)) = block.template cast<float>();
   }
   template <class Real>
   static Real* node(Real* values, Index i) {
@@ -524,36 +518,60 @@ class FactorsOf final : public BlockFactors {
   bool factorise_row(const Entries& entries, Index i) {
     const std::span<const Index> lower = std::as_const(lower_)[i];
     const Index first = lower_.offsets[i];
-    row_.assign(lower.size(), Block::Zero());  // W, at first A
+    std::array<Eigen::Array<double, width, 1>, b> change;  // of D
+    change.fill(Eigen::Array<double, width, 1>::Zero());
+    TransposedBlock zero;
+    zero.fill(Lanes::Zero());
+    row_.assign(lower.size(), zero);  // W, at first A
     for (std::size_t s = 0; s < lower.size(); ++s) slot_[static_cast<std::size_t>(lower[s])] = static_cast<Index>(s);
     Block diagonal = Block::Zero();
     visit(entries, node_at_[static_cast<std::size_t>(i)], [&](Index j, PetscInt r, PetscInt c, PetscScalar value) {
       if (j < i)
-        row_[static_cast<std::size_t>(slot_[static_cast<std::size_t>(j)])](r, c) = value;
+        row_[static_cast<std::size_t>(slot_[static_cast<std::size_t>(j)])][static_cast<std::size_t>(c)][r] = static_cast<float>(value);
       else if (j == i)
         diagonal(r, c) = value;
     });
     if (!matrix_.empty()) keep_row(entries, i, diagonal);
-    Block d = diagonal;
     for (std::size_t s = 0; s < lower.size(); ++s) {
       const Index j = lower[s];
-      Block& w = row_[s];
+      TransposedBlock& w = row_[s];
       for (Index t = lower_.offsets[j]; updates_ && t < lower_.offsets[j + 1]; ++t) {
         const Index u = slot_[static_cast<std::size_t>(lower_.values[static_cast<std::size_t>(t)])];
-        if (u != none) w.noalias() -= row_[static_cast<std::size_t>(u)] * block_at(values_, t).transpose();
+        if (u != none) subtract_product(at(values_, t, size), row_[static_cast<std::size_t>(u)], w);
       }
-      const Block l = w * block_at(inverse_, j);
-      if (updates_) d.noalias() -= w * l.transpose();
-      store(l, values_, first + static_cast<Index>(s));
+      TransposedBlock l;
+      l.fill(Lanes::Zero());
+      subtract_product(at(inverse_, j, size), w, l);  // -L^T
+      for (int c = 0; c < b; ++c)
+        for (int r = 0; r < b; ++r) {
+          at(values_, first + static_cast<Index>(s), size)[r * b + c] = static_cast<Half>(-l[c][r]);
+          if (updates_) change[r] += (w[c][r] * l[c]).template cast<double>();
+        }
     }
     for (const Index j : lower) slot_[static_cast<std::size_t>(j)] = none;
+    Block d = diagonal;
+    for (int r = 0; r < b; ++r) d.row(r) += change[r].template head<b>().matrix().transpose();
     return invert(diagonal, d, i);
+  }
+
+  /// w -= u l^T for w and u that are given transposed.
+  template <class Real>
+  static void subtract_product(const Real* l, const TransposedBlock& u, TransposedBlock& w) {
+    for (int r = 0; r < b; ++r) {
+      const Lanes factors = lanes(l + r * b);
+      Lanes sum = w[r];
+      for (int c = 0; c < b; ++c) sum -= factors[c] * u[c];
+      w[r] = sum;
+    }
   }
 
   /// Row i of the matrix: of its own nodes from `row_`, of ghosts from `entries`.
   void keep_row(const Entries& entries, Index i, const Block& diagonal) {
     store(diagonal, diagonal_, i);
-    for (std::size_t s = 0; s < row_.size(); ++s) store(row_[s], matrix_, lower_.offsets[i] + static_cast<Index>(s));
+    float* kept = at(matrix_, lower_.offsets[i], size);
+    for (const TransposedBlock& block : row_)
+      for (int r = 0; r < b; ++r)
+        for (int c = 0; c < b; ++c) *kept++ = block[c][r];
     if (i < border_) return;
     const Index first = across_.offsets[i - border_], last = across_.offsets[i - border_ + 1];
     const auto columns = across_.values.begin();
@@ -657,7 +675,7 @@ class FactorsOf final : public BlockFactors {
   std::vector<Border> seen_, ghosts_of_;   ///< What other ranks see of this one, and this one of them.
   // Work space.
   std::vector<Index> slot_;
-  std::vector<Block> row_;
+  std::vector<TransposedBlock> row_;
   std::vector<float> forward_, ghost_values_, buffer_;
 };
 
