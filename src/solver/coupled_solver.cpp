@@ -157,10 +157,11 @@ void CoupledSolver::set_up(bool again, bool moved) {
     set_up_blocks(again, moved);
   else
     la::reuse_preconditioner(ksp_, !again);
-  if (!again) return;
-  has_preconditioner_ = true;
+  if (!again && !moved) return;
   changed_since_setup_ = 0;
   iterations_after_setup_ = -1;
+  if (!again) return;
+  has_preconditioner_ = true;
   ++counts_.setups;
   if (!factorises_) return;
   ++counts_.factorisations;
@@ -235,13 +236,13 @@ void CoupledSolver::forget_other_steps() {
 }
 
 void CoupledSolver::matrix_changed(const std::vector<ContactState>& states, bool everywhere) {
-  const long long changed = take_over(system_.mesh().comm, states, everywhere);
-  changed_since_setup_ += changed;
+  changed_since_setup_ += take_over(system_.mesh().comm, states, everywhere);
   if (starts_step_) forget_other_steps();
-  const bool many = changed_since_setup_ * system_.layout().dim() > 30;
+  const bool has_blocks = fixed_stress_.get() != nullptr;  // they follow the matrix
+  const bool many = static_cast<double>(changed_since_setup_ * system_.layout().dim()) > (has_blocks ? 0.02 * system_.fracture_faces() : 30);
   const bool costly = iterations_after_setup_ >= 0 && last_iterations_ > 1.5 * iterations_after_setup_ + 3;
-  const bool again = factorises_ ? many || costly : fixed_stress_.get() == nullptr;  // blocks follow the matrix
-  set_up(!has_preconditioner_ || again, changed > 0 || starts_step_);
+  const bool again = factorises_ ? many || costly : !has_blocks;
+  set_up(!has_preconditioner_ || again, has_blocks && (many || costly || starts_step_));
   starts_step_ = false;
 }
 

@@ -112,27 +112,28 @@ void LinearSolver::set_up_preconditioner(bool again) {
   if (factorises_) ++counts_.factorisations;
 }
 
-void LinearSolver::forget_other_steps() {
+bool LinearSolver::forget_other_steps() {
   starts_step_ = false;
   changed_since_setup_ = last_iterations_ = 0;
   iterations_after_setup_ = -1;
-  if (is_set_up_for(system_.mesh().comm, system_.linearised_law())) return;
+  if (is_set_up_for(system_.mesh().comm, system_.linearised_law())) return false;
   states_of_matrix_.clear();
-  if (has_hierarchy_) return;  // which will follow
+  if (has_hierarchy_) return true;  // it will follow
   has_preconditioner_ = is_as_new_ = false;
   PC pc = nullptr;
   PetscBool cholesky = PETSC_FALSE;
   POLYSLIP_PETSC(KSPGetPC(ksp_, &pc));
   POLYSLIP_PETSC(PetscObjectTypeCompare(reinterpret_cast<PetscObject>(pc), PCCHOLESKY, &cholesky));
   if (!cholesky) choose();  // of a Cholesky factorisation nothing stays but its order, which depends on the pattern alone
+  return true;
 }
 
 void LinearSolver::matrix_changed(const std::vector<ContactState>& states, bool everywhere) {
-  if (starts_step_) forget_other_steps();
+  const bool is_as_new = starts_step_ && !forget_other_steps();
   set_method();
   const long long changed = take_over(system_.mesh().comm, states, everywhere);
+  if (is_as_new) return set_up_preconditioner(false);
   if (!has_preconditioner_ || content_ == MechanicsSystem::MatrixContent::exact) return set_up_preconditioner(true);
-  if (has_hierarchy_) return set_up_preconditioner(changed > 0);
   changed_since_setup_ += changed;
   // A changed face is a perturbation of rank d, worth about d iterations to a factorisation and less to other preconditioners.
   const bool many = static_cast<double>(changed_since_setup_ * system_.layout().dim()) > (factorises_ ? 8 : 0.02 * system_.fracture_faces());

@@ -33,7 +33,7 @@ class LinearSolver final : public DirectionSolver {
   void choose();
   void set_method();
   void set_up_preconditioner(bool again);
-  void forget_other_steps();
+  bool forget_other_steps();
 
   assembly::MechanicsSystem& system_;
   la::Handle<KSP> ksp_;
