@@ -5,6 +5,9 @@
 #include <Eigen/Core>
 #include <algorithm>
 #include <array>
+#include <memory>
+#include <utility>
+#include <vector>
 
 #include "polyslip/la/aij_parts.hpp"
 #include "polyslip/la/block_rows.hpp"
@@ -14,56 +17,116 @@ namespace polyslip::la {
 
 namespace {
 
-/// z = y + P x
-template <int r, int c>
-void add_product(Mat p, Vec x, Vec y, Vec z) {
-  using Row = Eigen::Array<double, c, 1>;
-  if (y != z) POLYSLIP_PETSC(VecCopy(y, z));
-  const BlockRows<r, c> rows(p);
-  const VecRead from(x);
-  const VecWrite to(z);
-  for (Index i = 0; i < rows.rows(); ++i) {
-    std::array<Row, r> sums;
-    sums.fill(Row::Zero());
-    rows.visit(i, [&](Index j, const double* block, PetscInt width) {
-      const Row factors = Eigen::Map<const Row>(from.data() + j * c);
-      for (int k = 0; k < r; ++k) sums[k] += Eigen::Map<const Row>(block + k * width) * factors;
-    });
-    for (int k = 0; k < r; ++k) to[i * r + k] += sums[k].sum();
-  }
-}
+constexpr const char* blocks_name = "polyslip prolongation";
 
-/// y = P^T x
+/// A local matrix. An aggregate fills whole vectors of the processor; rows of blocks are read as such, too, but stored without gaps: what follows
+/// them meets zeros, or adds to numbers that nobody reads.
 template <int r, int c>
-void multiply_transposed(Mat p, Vec x, Vec y) {
-  using Row = Eigen::Array<double, c, 1>;
-  POLYSLIP_PETSC(VecZeroEntries(y));
-  const BlockRows<r, c> rows(p);
-  const VecRead from(x);
-  const VecWrite to(y);
-  for (Index i = 0; i < rows.rows(); ++i) {
-    std::array<double, r> factors;
-    std::copy_n(from.data() + i * r, r, factors.begin());
-    rows.visit(i, [&](Index j, const double* block, PetscInt width) {
-      Eigen::Map<Row> sum(to.data() + j * c);
-      Row added = sum;
-      for (int k = 0; k < r; ++k) added += factors[k] * Eigen::Map<const Row>(block + k * width);
-      sum = added;
-    });
+class Blocks {
+ public:
+  explicit Blocks(Mat matrix) : matrix_(matrix) {}
+
+  /// z = y + P x
+  void add_product(Vec x, Vec y, Vec z) {
+    update();
+    if (y != z) POLYSLIP_PETSC(VecCopy(y, z));
+    {
+      const VecRead from(x);
+      for (std::size_t i = 0; i < coarse_.size(); ++i)
+        coarse_[i] = i % width < c ? static_cast<float>(from[static_cast<Index>(i / width * c + i % width)]) : 0;
+    }
+    const VecWrite to(z);
+    const float* block = values_.data();
+    for (Index i = 0; i < columns_.rows(); ++i) {
+      std::array<Lanes, r> sums;
+      sums.fill(Lanes::Zero());
+      for (const Index column : std::as_const(columns_)[i]) {
+        const Lanes factors = lanes(coarse_.data() + column * width);
+        for (int k = 0; k < r; ++k, block += c) sums[static_cast<std::size_t>(k)] += lanes(block) * factors;
+      }
+      for (int k = 0; k < r; ++k) to[i * r + k] += static_cast<double>(sums[static_cast<std::size_t>(k)].sum());
+    }
   }
-}
+
+  /// y = P^T x
+  void multiply_transposed(Vec x, Vec y) {
+    update();
+    std::fill(coarse_.begin(), coarse_.end(), 0.0F);
+    const VecRead from(x);
+    const float* block = values_.data();
+    for (Index i = 0; i < columns_.rows(); ++i) {
+      std::array<float, r> factors;
+      std::copy_n(from.data() + i * r, r, factors.begin());
+      for (const Index column : std::as_const(columns_)[i]) {
+        Eigen::Map<Lanes> to(coarse_.data() + column * width);
+        Lanes sum = to;
+        for (int k = 0; k < r; ++k, block += c) sum += factors[static_cast<std::size_t>(k)] * lanes(block);
+        to = sum;
+      }
+    }
+    const VecWrite to(y);
+    for (std::size_t i = 0; i < coarse_.size(); ++i)
+      if (i % width < c) to[static_cast<Index>(i / width * c + i % width)] = static_cast<double>(coarse_[i]);
+  }
+
+ private:
+  static constexpr std::size_t width = c == 3 ? 4 : 8;
+  using Lanes = Eigen::Array<float, width, 1>;
+  static Lanes lanes(const float* values) { return Eigen::Map<const Lanes>(values); }
+
+  /// Takes the entries of the matrix, if they have changed.
+  void update() {
+    PetscObjectState state = 0;
+    POLYSLIP_PETSC(PetscObjectStateGet(reinterpret_cast<PetscObject>(matrix_), &state));
+    if (std::exchange(state_, state) == state) return;
+    const BlockRows<r, c> rows(matrix_);
+    PetscInt columns = 0;
+    POLYSLIP_PETSC(MatGetSize(matrix_, nullptr, &columns));
+    coarse_.assign(static_cast<std::size_t>(columns / c) * width, 0.0F);
+    columns_.offsets.assign(1, 0);
+    columns_.values.clear();
+    values_.clear();
+    for (Index i = 0; i < rows.rows(); ++i) {
+      rows.visit(i, [&](Index column, const double* block, PetscInt step) {
+        columns_.values.push_back(column);
+        for (int k = 0; k < r; ++k)
+          for (int l = 0; l < c; ++l) values_.push_back(static_cast<float>(block[k * step + l]));
+      });
+      columns_.offsets.push_back(static_cast<Index>(columns_.values.size()));
+    }
+    values_.resize(values_.size() + width - c, 0.0F);
+  }
+
+  Mat matrix_;
+  PetscObjectState state_ = -1;
+  Csr columns_;                ///< Aggregates.
+  std::vector<float> values_;  ///< Block by block, and zeros behind the last one.
+  std::vector<float> coarse_;  ///< A vector of the coarser level.
+};
 
 /// What PETSc calls.
 template <int r, int c>
 struct Operations {
+  static Blocks<r, c>& blocks_of(Mat p) {
+    PetscObject object = nullptr;
+    void* blocks = nullptr;
+    POLYSLIP_PETSC(PetscObjectQuery(reinterpret_cast<PetscObject>(p), blocks_name, &object));
+    POLYSLIP_PETSC(PetscContainerGetPointer(reinterpret_cast<PetscContainer>(object), &blocks));
+    return *static_cast<Blocks<r, c>*>(blocks);
+  }
   static PetscErrorCode add(Mat p, Vec x, Vec y, Vec z) {
     PetscFunctionBeginUser;
-    PetscCallCXX((add_product<r, c>(p, x, y, z)));
+    PetscCallCXX(blocks_of(p).add_product(x, y, z));
     PetscFunctionReturn(0);
   }
   static PetscErrorCode transposed(Mat p, Vec x, Vec y) {
     PetscFunctionBeginUser;
-    PetscCallCXX((multiply_transposed<r, c>(p, x, y)));
+    PetscCallCXX(blocks_of(p).multiply_transposed(x, y));
+    PetscFunctionReturn(0);
+  }
+  static PetscErrorCode destroy(void* blocks) {
+    PetscFunctionBeginUser;
+    delete static_cast<Blocks<r, c>*>(blocks);
     PetscFunctionReturn(0);
   }
 };
@@ -73,7 +136,14 @@ template <int r, int c>
 void replace_products(Mat prolongation) {
   const AijParts parts(prolongation);
   for (Mat part : {parts.own, parts.others}) {
-    if (part == nullptr) continue;
+    if (part == nullptr || part->ops->multadd == Operations<r, c>::add) continue;
+    auto blocks = std::make_unique<Blocks<r, c>>(part);
+    PetscContainer container = nullptr;
+    POLYSLIP_PETSC(PetscContainerCreate(comm_of(part), &container));
+    POLYSLIP_PETSC(PetscContainerSetUserDestroy(container, Operations<r, c>::destroy));
+    POLYSLIP_PETSC(PetscContainerSetPointer(container, blocks.release()));
+    POLYSLIP_PETSC(PetscObjectCompose(reinterpret_cast<PetscObject>(part), blocks_name, reinterpret_cast<PetscObject>(container)));
+    POLYSLIP_PETSC(PetscContainerDestroy(&container));
     part->ops->multadd = Operations<r, c>::add;
     part->ops->multtranspose = Operations<r, c>::transposed;
   }
