@@ -85,8 +85,17 @@ PetscErrorCode DirectionSolver::run_once(KSP ksp, double rtol, double target, co
   PetscFunctionBeginUser;
   const bool asks = rtol > 0 && is_worth_more;
   LooseStop stop(rtol, is_worth_more);
+  KSPNormType measure = KSP_NORM_NONE;
+  PetscCall(KSPGetNormType(ksp, &measure));
   PetscCall(KSPGetTolerances(ksp, &user_rtol, nullptr, &dtol, &max_it));
-  PetscCall(KSPSetTolerances(ksp, asks ? user_rtol : std::max(rtol, user_rtol), target, dtol, max_it));
+  double whole = user_rtol;
+  if (measure == KSP_NORM_PRECONDITIONED || measure == KSP_NORM_NATURAL) {  // not that of residuals: may it fall by as much as these are to
+    PetscReal size = 0;
+    PetscCall(VecNorm(rhs_, NORM_2, &size));
+    whole = std::max(whole, size > 0 ? target / size : 0);
+    target = 0;
+  }
+  PetscCall(KSPSetTolerances(ksp, asks ? whole : std::max(rtol, whole), target, dtol, max_it));
   PetscCall(asks ? stop.solve(ksp, rhs_, solution_) : KSPSolve(ksp, rhs_, solution_));
   stopped_early_ = asks ? stop.has_stopped() : rtol > 0;
   PetscCall(KSPSetTolerances(ksp, user_rtol, target, dtol, max_it));

@@ -202,6 +202,19 @@ TEST(whole_runs, destroy_every_petsc_object_that_they_made) {
   EXPECT_EQ(alive(), before);
 }
 
+TEST(whole_runs, converge_whatever_norm_the_krylov_method_measures) {
+  // Young's modulus makes displacements small in their unit and forces large: a target for the one must not be taken for the other.
+  auto problem = mixed_contact(3);
+  problem.materials = {{.region = "", .where = {}, .first = Expression(1e10), .second = Expression(0.25), .place = ""}};
+  const ScopedOption multigrid("-displacement_pc_type", "gamg");
+  for (const char* method : {"cg", "gmres", "fgmres", "bcgs", "minres"}) {
+    SCOPED_TRACE(method);
+    const ScopedOption option("-displacement_ksp_type", method);
+    ContactScene scene([] { return fractured_box({3, "hexahedra"}, 4, 0, 1); }, problem);
+    EXPECT_TRUE(scene.solve().converged);
+  }
+}
+
 TEST(whole_runs, without_fractures_are_linear) {
   physics::MechanicsProblem problem;
   problem.boundary = {hold("left", {"0", "0"}), hold("right", {"0.01", "0.02*y"})};
