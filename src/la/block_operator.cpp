@@ -175,12 +175,13 @@ PetscErrorCode multiply_otherwise(Mat matrix, Vec x, Vec y) {
 /// z = y + A x
 PetscErrorCode add_otherwise(Mat matrix, Vec x, Vec y, Vec z) {
   PetscFunctionBeginUser;
-  Vec product = nullptr;
-  PetscCall(VecDuplicate(z, &product));
-  PetscCallCXX(operations_of(matrix).multiply(x, product));
-  if (y != z) PetscCall(VecCopy(y, z));
-  PetscCall(VecAXPY(z, 1, product));
-  PetscCall(VecDestroy(&product));
+  PetscCallCXX({
+    const Operations& operations = operations_of(matrix);
+    if (operations.product == nullptr) POLYSLIP_PETSC(VecDuplicate(z, operations.product.put()));
+    operations.multiply(x, operations.product);
+    if (y != z) POLYSLIP_PETSC(VecCopy(y, z));
+    POLYSLIP_PETSC(VecAXPY(z, 1, operations.product));
+  });
   PetscFunctionReturn(0);
 }
 

@@ -143,6 +143,7 @@ void BlockOperator::visit_own(Index i, Visit&& visit) const {
 struct Operations {
   std::function<void(Vec x, Vec y)> multiply;  ///< y = A x
   std::function<void(Vec y)> diagonal;         ///< y = diag A
+  mutable Handle<Vec> product = {};            ///< For MatMultAdd.
 };
 /// MatMult, MatMultAdd and MatGetDiagonal by these from now on.
 void replace_operations(Mat matrix, const Operations& operations);
