@@ -499,14 +499,33 @@ void MechanicsSystem::residual(Vec x, Vec f) const {
   momentum_rows(x, loads_.fracture_pressure, f);
   const la::VecWrite rows(f);
   for (Index i = 0; i < layout_.displacement_size(); ++i) rows[i] += fixed()[i] ? -loads_.dirichlet[i] : lift_[i] - loads_.displacement[i];
+  for (Index i = 0; i < layout_.fracture_size(); ++i) rows[layout_.bubble_start() + i] -= loads_.bubble[static_cast<std::size_t>(i)];
+  write_contact_residual(work_, rows);
+}
+
+void MechanicsSystem::write_contact_residual(const MechanicalState& state, const la::VecWrite& rows) const {
   const int dim = layout_.dim();
   for (Index face = 0; face < mesh_.fractures.owned; ++face) {
-    const Vec3 r = cells_.faces()[face].area * physics::contact_residual(law_of(face), point(face, work_), augmentation(face));
-    for (int a = 0; a < dim; ++a) {
-      rows[layout_.bubble_start() + dim * face + a] -= loads_.bubble[static_cast<std::size_t>(dim) * face + a];
-      rows[layout_.multiplier_start() + dim * face + a] = r[a];
-    }
+    const Vec3 r = cells_.faces()[face].area * physics::contact_residual(law_of(face), point(face, state), augmentation(face));
+    for (int a = 0; a < dim; ++a) rows[layout_.multiplier_start() + dim * face + a] = r[a];
   }
+}
+
+void MechanicsSystem::move(Vec x, Vec d, std::span<const Index> moved, Vec f) const {
+  gather(d, work_);
+  MechanicalState& change = work2_;
+  std::fill(change.displacement.begin(), change.displacement.end(), 0.0);
+  std::fill(change.bubble.begin(), change.bubble.end(), 0.0);
+  bulk_->multiply_rows(bulk_->rows_near(moved), work_.displacement,
+                       {change.displacement.data(), static_cast<std::size_t>(layout_.displacement_size())});
+  cells_.add_momentum(work_, {}, change.displacement, change.bubble);
+  POLYSLIP_PETSC(VecAXPY(x, -1.0, d));
+  gather(x, work_);
+  const la::VecWrite rows(f);
+  for (Index i = 0; i < layout_.displacement_size(); ++i)
+    if (!fixed()[i]) rows[i] -= change.displacement[i];
+  for (Index i = 0; i < layout_.fracture_size(); ++i) rows[layout_.bubble_start() + i] -= change.bubble[static_cast<std::size_t>(i)];
+  write_contact_residual(work_, rows);
 }
 
 ContactLine MechanicsSystem::contact_line(Vec x, Vec y) const {

@@ -113,6 +113,35 @@ void BlockOperator::multiply_nodes(std::span<const double> x, std::span<double> 
   for (std::size_t i = 0; i < y.size() / b; ++i) std::copy_n(&y_[i * width], b, &y[i * b]);
 }
 
+std::vector<Index> BlockOperator::rows_near(std::span<const Index> entities) const {
+  std::vector<char> is_near(first_.size(), 0);
+  for (Index i : entities) visit_columns(i, [&](Index j) { is_near[static_cast<std::size_t>(j)] = 1; });
+  std::vector<Index> rows;
+  for (Index i = 0; i < owned_; ++i)
+    if (is_near[static_cast<std::size_t>(i)] != 0 || ghosts_[static_cast<std::size_t>(i)] > 0) rows.push_back(i);
+  return rows;
+}
+
+void BlockOperator::multiply_rows(std::span<const Index> rows, std::span<const double> x, std::span<double> y) {
+  switch (width_) {
+    case 2: return multiply_some_nodes<2>(rows, x, y);
+    case 3: return multiply_some_nodes<3>(rows, x, y);
+    default: return multiply(x, y);
+  }
+}
+
+template <int b>
+void BlockOperator::multiply_some_nodes(std::span<const Index> rows, std::span<const double> x, std::span<double> y) {
+  constexpr int width = lanes_of(b);
+  x_.assign(x.size() / b * width, 0.0);
+  y_.resize(y.size() / b * width);
+  const auto take = [&](std::size_t i) { std::copy_n(&x[i * b], b, &x_[i * width]); };
+  for (Index i : rows) take(static_cast<std::size_t>(i));
+  for (auto ghost = static_cast<std::size_t>(owned_); ghost < x.size() / b; ++ghost) take(ghost);
+  for (Index i : rows) multiply_row<b>(i, x_.data(), y_.data());
+  for (Index i : rows) std::copy_n(node<b>(y_.data(), i), b, &y[static_cast<std::size_t>(i) * b]);
+}
+
 /// y_i = sum_j A_ij x_j, and to the rows above what they get from x_i.
 template <int b>
 void BlockOperator::multiply_row(Index i, const double* x, double* y) const {

@@ -4,7 +4,6 @@
 #include <cmath>
 #include <numeric>
 #include <stdexcept>
-#include <utility>
 
 #include "polyslip/common/mpi.hpp"
 #include "polyslip/la/vec_access.hpp"
@@ -98,14 +97,19 @@ bool NonlinearElimination::choose_rows() {
   return is_small;
 }
 
+std::vector<Index> NonlinearElimination::entities_of(const std::vector<PetscInt>& rows) const {
+  std::vector<Index> entities;
+  for (const PetscInt row : rows) {
+    const Index entity = system_.layout().entity_of(static_cast<Index>(row - system_.layout().first()));
+    if (entities.empty() || entities.back() != entity) entities.push_back(entity);
+  }
+  return entities;
+}
+
 void NonlinearElimination::mark_neighbours(const std::vector<PetscInt>& rows) {
   const assembly::Layout& layout = system_.layout();
   std::vector<PetscInt> columns;
-  Index last = -1;
-  for (const PetscInt row : rows) {
-    const auto local = static_cast<Index>(row - layout.first());
-    const Index entity = layout.entity_of(local);
-    if (std::exchange(last, entity) == entity) continue;  // its rows have the same columns
+  for (const Index entity : entities_of(rows)) {
     columns.clear();
     system_.bulk().visit_columns(entity, [&](Index other) {
       const PetscInt first = layout.global(system_.bulk().first_component(other));
@@ -223,8 +227,12 @@ bool NonlinearElimination::step(Vec x, Vec f, PC of_rock) {
     for (std::size_t i = 0; i < rows_.size(); ++i) to[static_cast<Index>(rows_[i] - first)] = from[static_cast<Index>(i)];
   }
   system_.recover(f, condensed_direction_, direction_);
-  POLYSLIP_PETSC(VecAXPY(x, -1.0, direction_));
-  system_.residual(x, f);
+  if (of_rock == nullptr) {
+    system_.move(x, direction_, entities_of(rows_), f);
+  } else {
+    POLYSLIP_PETSC(VecAXPY(x, -1.0, direction_));
+    system_.residual(x, f);
+  }
   measure(f);
   return true;
 }
@@ -242,6 +250,7 @@ bool NonlinearElimination::improve(Vec x, Vec f, PC of_rock) {
   const PetscInt windows = of_rock != nullptr ? most_steps_ / 2 : most_steps_;
   for (PetscInt k = 0; k < windows && is_unsettled() && step(x, f, nullptr); ++k) ++steps_;
   forget_window();
+  if (steps_ > 0) system_.residual(x, f);  // of fluid as well, and without what windows have lost by rounding
   if (of_rock != nullptr) {
     for (PetscInt k = 0; k < most_steps_ && (k == 0 || is_unsettled()) && step(x, f, of_rock); ++k) ++steps_;
     forget_window();

@@ -18,6 +18,7 @@
 #include "polyslip/la/block_matrix.hpp"
 #include "polyslip/la/block_operator.hpp"
 #include "polyslip/la/kernel_log.hpp"
+#include "polyslip/la/vec_access.hpp"
 #include "polyslip/physics/problem.hpp"
 
 namespace polyslip::assembly {
@@ -90,6 +91,9 @@ class MechanicsSystem {
   // --- nonlinear rows ---
   /// f = all rows of the residual at x: momentum [N], contact rows times |sigma| [N], u - u_D on prescribed components.
   virtual void residual(Vec x, Vec f) const;
+  /// x -= d, and f, the residual at x, follows in its mechanical rows: in a time that depends on where d moves displacements, those of some owned
+  /// entities of the layout. d has no pressures.
+  void move(Vec x, Vec d, std::span<const Index> moved, Vec f) const;
   /// r = momentum rows of the Jacobian times y (they are linear); 0 on contact rows.
   virtual void momentum_action(Vec y, Vec r) const;
   [[nodiscard]] ContactLine contact_line(Vec x, Vec y) const;
@@ -176,6 +180,7 @@ class MechanicsSystem {
   }
   [[nodiscard]] physics::ContactPoint point(Index face, const MechanicalState& state) const;
   void momentum_rows(Vec y, std::span<const double> fracture_pressure, Vec r) const;
+  void write_contact_residual(const MechanicalState& state, const la::VecWrite& rows) const;
 
   const mesh::DistributedMesh& mesh_;
   const physics::MechanicsProblem& problem_;

@@ -71,6 +71,10 @@ class BlockOperator {
 
   /// y = A x for the components of the owned entities (y) and of the local ones (x, ghosts last), as the matrix numbers them.
   void multiply(std::span<const double> x, std::span<double> y);
+  /// The same where x is zero off some owned entities, `rows` the rows near these, and ghosts: only in these rows, or in all.
+  void multiply_rows(std::span<const Index> rows, std::span<const double> x, std::span<double> y);
+  /// Owned entities that are coupled with some others, or with ghosts; ascending.
+  [[nodiscard]] std::vector<Index> rows_near(std::span<const Index> entities) const;
 
   [[nodiscard]] double bytes() const { return static_cast<double>(values_.size() * sizeof(double)); }
   [[nodiscard]] double blocks() const { return static_cast<double>(columns_.values.size()); }
@@ -101,6 +105,8 @@ class BlockOperator {
   void write_blocks(BlockMatrix& matrix) const;
   template <int b>
   void multiply_nodes(std::span<const double> x, std::span<double> y);
+  template <int b>
+  void multiply_some_nodes(std::span<const Index> rows, std::span<const double> x, std::span<double> y);
   template <int b>
   void multiply_row(Index i, const double* x, double* y) const;
   void multiply_unlike(std::span<const double> x, std::span<double> y) const;

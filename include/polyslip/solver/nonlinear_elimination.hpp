@@ -34,6 +34,8 @@ class NonlinearElimination {
   void measure(Vec f);
   void choose_faces();
   bool choose_rows();
+  /// Owned entities that rows belong to.
+  [[nodiscard]] std::vector<Index> entities_of(const std::vector<PetscInt>& rows) const;
   void mark_neighbours(const std::vector<PetscInt>& rows);
   std::vector<PetscInt> marked_rows();
   void forget_window();

@@ -205,8 +205,26 @@ TEST_P(linearisation, condensed_direction_solves_the_saddle_system) {
   }
 }
 
+TEST_P(linearisation, residual_follows_where_displacements_move) {
+  la::Handle<Vec> d = random_vector(system_, 43, 0.05), x = along(0, d), f = residual(x);
+  std::vector<Index> moved;
+  {
+    const la::VecWrite a(d);
+    const assembly::Layout& l = system_.layout();
+    for (Index i = 0; i < l.displacement_size(); ++i) {
+      const bool moves = l.entity_of(i) < l.owned_entities() / 6;  // and most rows are not near these
+      if (!moves || system_.fixed()[i]) a[i] = 0;
+      if (moves && (moved.empty() || moved.back() != l.entity_of(i))) moved.push_back(l.entity_of(i));
+    }
+  }
+  system_.move(x, d, moved, f);
+  EXPECT_LT(distance(f, residual(along(-1, d)), 0, system_.layout().size()), 1e-13);
+  EXPECT_LT(distance(x, along(-1, d), 0, system_.layout().size()), 1e-15);
+}
+
 TEST_P(linearisation, products_are_those_of_the_entries_of_the_matrix) {
-  la::Handle<Vec> x = system_.layout().create_displacement_vector(), product = system_.layout().create_displacement_vector(), of_entries = system_.layout().create_displacement_vector();
+  la::Handle<Vec> x = system_.layout().create_displacement_vector(), product = system_.layout().create_displacement_vector(),
+                  of_entries = system_.layout().create_displacement_vector();
   {
     const la::Handle<Vec> y = random_vector(system_, 37);
     const VecRead a(y);

@@ -110,6 +110,23 @@ TEST_P(block_operator, multiplies_by_all_that_was_added) {
   for (std::size_t i = 0; i < expected.size(); ++i) EXPECT_NEAR(found[i], expected[i], 1e-12) << i;
 }
 
+TEST_P(block_operator, multiplies_in_the_rows_near_what_is_not_zero) {
+  BlockOperator a(layout_, graph_, by_halves_);
+  assemble(a);
+  std::vector<Index> entities;
+  for (Index i = 0; i < owned_; i += 5) entities.push_back(i);
+  const auto is_kept = [&](std::size_t i) { return i % 5 == 0 || i >= static_cast<std::size_t>(owned_); };
+  std::vector<double> expected(static_cast<std::size_t>(start_[first_ + owned_] - start_[first_])), found(expected.size(), 0), local;
+  for (std::size_t i = 0; i < number_.size(); ++i)
+    for (GlobalIndex component = start_[number_[i]]; component < start_[number_[i] + 1]; ++component) local.push_back(is_kept(i) ? x(component) : 0);
+  std::vector<double> before(local.size(), 1e9);
+  a.multiply(before, found);  // leaves large numbers in work space
+  std::fill(found.begin(), found.end(), 0.0);
+  a.multiply(local, expected);
+  a.multiply_rows(a.rows_near(entities), local, found);
+  for (std::size_t i = 0; i < expected.size(); ++i) EXPECT_NEAR(found[i], expected[i], 1e-12) << i;
+}
+
 TEST_P(block_operator, is_written_with_both_halves) {
   BlockOperator a(layout_, graph_, by_halves_);
   assemble(a);
