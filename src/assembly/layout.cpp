@@ -85,6 +85,13 @@ void Layout::append_displacements(const mesh::PolyMesh& mesh, Index cell, std::v
     if (const Index normal = of_normal(face); normal >= 0) displacements.push_back(normal);
 }
 
+void Layout::append_entities(const mesh::PolyMesh& mesh, Index cell, std::vector<Index>& entities) const {
+  for (Index copy : mesh.copies_of(cell)) entities.push_back(copy < copies_ ? copy : copy + normals_);
+  if (bubbles_ == spaces::Bubbles::fracture) return;
+  for (Index face : mesh.cell_faces[cell])
+    if (const Index normal = of_normal(face); normal >= 0) entities.push_back(entity_of(normal));
+}
+
 Index Layout::entity_of(Index displacement) const {
   if (displacement < nodal_size()) return displacement / dim_;
   if (displacement < displacement_size()) return copies_ + displacement - nodal_size();

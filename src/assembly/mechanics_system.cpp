@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <utility>
 
 #include "polyslip/assembly/cell_batches.hpp"
 #include "polyslip/common/error.hpp"
@@ -41,19 +42,17 @@ void assign_laws(const mesh::DistributedMesh& mesh, const physics::MechanicsProb
 /// Entities of each cell, and then of the condensed block of each + cell.
 Csr entity_groups(const mesh::DistributedMesh& mesh, const Layout& layout, const ContactCells& contact) {
   Csr groups;
-  std::vector<Index> displacements, entities;
-  const auto push = [&](std::span<const Index> group) {
-    entities.clear();
-    for (Index i : group)
-      if (const Index entity = layout.entity_of(i); entities.empty() || entities.back() != entity) entities.push_back(entity);
-    groups.push_row(entities);
-  };
+  const auto end_row = [&] { groups.offsets.push_back(static_cast<Index>(groups.values.size())); };
   for (Index cell = 0; cell < mesh.mesh.n_cells(); ++cell) {
-    displacements.clear();
-    layout.append_displacements(mesh.mesh, cell, displacements);
-    push(displacements);
+    layout.append_entities(mesh.mesh, cell, groups.values);
+    end_row();
   }
-  for (Index p = 0; p < contact.size(); ++p) push(contact.displacements(p));
+  for (Index p = 0; p < contact.size(); ++p) {
+    Index last = -1;
+    for (Index i : contact.displacements(p))
+      if (const Index entity = layout.entity_of(i); std::exchange(last, entity) != entity) groups.values.push_back(entity);
+    end_row();
+  }
   return groups;
 }
 

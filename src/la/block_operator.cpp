@@ -187,12 +187,12 @@ namespace {
 
 constexpr const char* operations_name = "polyslip operations";
 
-const Operations& operations_of(Mat matrix) {
+const MatrixOperations& operations_of(Mat matrix) {
   PetscObject object = nullptr;
   void* operations = nullptr;
   POLYSLIP_PETSC(PetscObjectQuery(reinterpret_cast<PetscObject>(matrix), operations_name, &object));
   POLYSLIP_PETSC(PetscContainerGetPointer(reinterpret_cast<PetscContainer>(object), &operations));
-  return *static_cast<const Operations*>(operations);
+  return *static_cast<const MatrixOperations*>(operations);
 }
 
 PetscErrorCode multiply_otherwise(Mat matrix, Vec x, Vec y) {
@@ -205,7 +205,7 @@ PetscErrorCode multiply_otherwise(Mat matrix, Vec x, Vec y) {
 PetscErrorCode add_otherwise(Mat matrix, Vec x, Vec y, Vec z) {
   PetscFunctionBeginUser;
   PetscCallCXX({
-    const Operations& operations = operations_of(matrix);
+    const MatrixOperations& operations = operations_of(matrix);
     if (operations.product == nullptr) POLYSLIP_PETSC(VecDuplicate(z, operations.product.put()));
     operations.multiply(x, operations.product);
     if (y != z) POLYSLIP_PETSC(VecCopy(y, z));
@@ -231,7 +231,7 @@ void compose(Mat matrix, const char* name, const void* pointer) {
 
 }  // namespace
 
-void replace_operations(Mat matrix, const Operations& operations) {
+void replace_operations(Mat matrix, const MatrixOperations& operations) {
   compose(matrix, operations_name, &operations);
   POLYSLIP_PETSC(MatSetOperation(matrix, MATOP_MULT, reinterpret_cast<void (*)()>(multiply_otherwise)));
   POLYSLIP_PETSC(MatSetOperation(matrix, MATOP_MULT_ADD, reinterpret_cast<void (*)()>(add_otherwise)));

@@ -24,8 +24,8 @@ namespace polyslip::la {
 
 namespace {
 
-constexpr const char *by_petsc = "polyslip_product_by_petsc_C", *symmetric = "polyslip_product_symmetric_C", *sequential = "MatProductSetFromOptions_seqaij_seqaij_C",
-                     *parallel = "MatProductSetFromOptions_mpiaij_mpiaij_C";
+constexpr const char *by_petsc = "polyslip_product_by_petsc_C", *symmetric = "polyslip_product_symmetric_C",
+                     *sequential = "MatProductSetFromOptions_seqaij_seqaij_C", *parallel = "MatProductSetFromOptions_mpiaij_mpiaij_C";
 constexpr Index none = -1;
 
 template <int r, int c>

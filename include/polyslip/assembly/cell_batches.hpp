@@ -13,8 +13,8 @@ namespace polyslip::assembly {
 
 /// As many as there is cache for, within reason: fewer and the clock is read too often.
 inline std::size_t cells_per_batch(double entries_per_cell) {
-  constexpr double entries = 1 << 14;  // 130 kB
-  return static_cast<std::size_t>(std::clamp(entries / std::max(1.0, entries_per_cell), 4.0, 128.0));
+  constexpr double entries = 1 << 16;  // 520 kB
+  return static_cast<std::size_t>(std::clamp(entries / std::max(1.0, entries_per_cell), 4.0, 512.0));
 }
 
 /// `slots` are the cells of a batch, with a member `cell` and whatever the kernels keep. Each kernel takes a slot and returns its

@@ -63,6 +63,8 @@ class Layout {
   [[nodiscard]] Index owned_entities() const { return copies_ + normals_; }
   [[nodiscard]] Index local_entities() const { return local_copies_ + local_normals_; }
   [[nodiscard]] Index entity_of(Index displacement) const;
+  /// Of a cell, in the order of its displacements.
+  void append_entities(const mesh::PolyMesh& mesh, Index cell, std::vector<Index>& entities) const;
   [[nodiscard]] int width(Index entity) const { return widths_.empty() ? dim_ : widths_[static_cast<std::size_t>(entity)]; }
   [[nodiscard]] la::BlockMatrix::Layout matrix_layout() const;
 

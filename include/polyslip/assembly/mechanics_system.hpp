@@ -191,7 +191,7 @@ class MechanicsSystem {
   std::unique_ptr<la::BlockMatrix> matrix_;
   std::unique_ptr<la::BlockOperator> bulk_;  ///< A
   bool holds_all_rows_ = false;
-  const la::Operations operations_{[this](Vec x, Vec y) { apply(content_, x, y); }, [this](Vec y) { diagonal(y); }};
+  const la::MatrixOperations operations_{[this](Vec x, Vec y) { apply(content_, x, y); }, [this](Vec y) { diagonal(y); }};
   la::KernelLog kernels_{"rock"};
   la::Handle<IS> nodal_field_, normal_field_;
   std::vector<Index> contact_rows_;  ///< Owned entities whose rows + cells touch.

@@ -24,8 +24,8 @@ class BlockOperator {
   /// Zeros where the graph (as that of a BlockMatrix) has couplings; `by_halves`: without those above the diagonal.
   BlockOperator(const BlockMatrix::Layout& layout, const Csr& graph, bool by_halves);
 
-  [[nodiscard]] Index owned() const { return owned_; }
-  [[nodiscard]] Index first_component(Index entity) const { return first_[static_cast<std::size_t>(entity)]; }  ///< Of a local entity, as `multiply` counts.
+  /// Of a local entity, as `multiply` counts.
+  [[nodiscard]] Index first_component(Index entity) const { return first_[static_cast<std::size_t>(entity)]; }
   [[nodiscard]] bool by_halves() const { return by_halves_; }
   [[nodiscard]] bool holds(Index row, Index col) const { return row < owned_ && (!by_halves_ || col <= row || col >= owned_); }
   /// Adds to the block of owned entity `row` and local entity `col`, which it holds; entry (a, b) is block[a * row_step + b * column_step].
@@ -128,6 +128,7 @@ class BlockOperator {
 
 template <int b, class Visit>
 void BlockOperator::visit_own(Index i, Visit&& visit) const {
+  assert(b == 0 || b == width_);
   const int rows = b > 0 ? b : width(i);
   const auto columns = [&](Index j) { return b > 0 ? b : width(j); };
   for (Index k = columns_.offsets[i]; k < end_of_own(i); ++k) {
@@ -146,13 +147,13 @@ void BlockOperator::visit_own(Index i, Visit&& visit) const {
 }
 
 /// What a MATAIJ does that does not hold all of its entries, or for which there is a faster way. Must outlive the matrix.
-struct Operations {
+struct MatrixOperations {
   std::function<void(Vec x, Vec y)> multiply;  ///< y = A x
   std::function<void(Vec y)> diagonal;         ///< y = diag A
   mutable Handle<Vec> product = {};            ///< For MatMultAdd.
 };
 /// MatMult, MatMultAdd and MatGetDiagonal by these from now on.
-void replace_operations(Mat matrix, const Operations& operations);
+void replace_operations(Mat matrix, const MatrixOperations& operations);
 
 /// Rows of a MATAIJ without entries in columns of this rank are those of `rows` there, for the readers of this library (AijParts::lent): it holds
 /// only what is its own, and the couplings with ghosts. Whoever reads such a matrix by PETSc's functions finds rows without a diagonal. The last

@@ -18,8 +18,8 @@ class LinearSolver final : public DirectionSolver {
 
   [[nodiscard]] assembly::MechanicsSystem::MatrixContent content() const override { return content_; }
   void start_step() override { starts_step_ = true; }
-  /// A multigrid hierarchy is formed once and brought up to date near the fractures. Other preconditioners are set up again only if the
-  /// changed faces are too many for the Krylov method to make up for, or if this has begun to cost iterations.
+  /// A preconditioner is set up again only if the changed faces are too many for the Krylov method to make up for, or if this has begun to cost
+  /// iterations. A multigrid hierarchy is formed once; then it is brought up to date near the fractures.
   void matrix_changed(const std::vector<physics::ContactState>& states, bool everywhere) override;
   /// `loose`: multigrid stops at 1e-2 (-displacement_loose_rtol) of the right-hand side.
   PetscErrorCode solve(Vec f, Vec direction, const assembly::ResidualNorms& norms, double rtol, bool loose,
@@ -33,7 +33,7 @@ class LinearSolver final : public DirectionSolver {
   void choose();
   void set_method();
   void set_up_preconditioner(bool again);
-  bool forget_other_steps();
+  bool forget_other_steps();  ///< False where the preconditioner is what a new solver would make.
 
   assembly::MechanicsSystem& system_;
   la::Handle<KSP> ksp_;

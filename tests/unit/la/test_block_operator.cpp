@@ -164,7 +164,7 @@ TEST_P(block_operator, knows_its_diagonal_and_its_couplings) {
 
 TEST_P(block_operator, lets_others_multiply_and_take_the_diagonal) {
   const BlockMatrix matrix(layout_, graph_);
-  const Operations operations{[](Vec x, Vec y) { POLYSLIP_PETSC(VecAXPBY(y, 2, 0, x)); }, [](Vec y) { POLYSLIP_PETSC(VecSet(y, 7)); }};
+  const MatrixOperations operations{[](Vec x, Vec y) { POLYSLIP_PETSC(VecAXPBY(y, 2, 0, x)); }, [](Vec y) { POLYSLIP_PETSC(VecSet(y, 7)); }};
   replace_operations(matrix.get(), operations);
   Handle<Vec> x, y;
   POLYSLIP_PETSC(MatCreateVecs(matrix.get(), x.put(), y.put()));
@@ -262,7 +262,7 @@ class lent_rows_of_blocks : public block_operator {
   }
 
  private:
-  const Operations operations_{[](Vec, Vec) { FAIL() << "a product nobody has asked for"; }, [](Vec) { FAIL() << "a diagonal nobody has asked for"; }};
+  const MatrixOperations operations_{[](Vec, Vec) { FAIL() << "a product nobody has asked for"; }, [](Vec) { FAIL() << "a diagonal nobody has asked for"; }};
 };
 
 TEST_P(lent_rows_of_blocks, are_read_by_graphs_and_products_as_if_they_were_held) {
