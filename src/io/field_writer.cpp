@@ -8,6 +8,7 @@
 #include <fstream>
 #include <iterator>
 #include <optional>
+#include <span>
 
 #include "polyslip/common/mpi.hpp"
 #include "polyslip/io/atomic_file.hpp"
@@ -17,8 +18,8 @@ namespace polyslip::io {
 
 namespace {
 
-// Cell types in an XDMF "Mixed" topology; each is followed by a count.
-constexpr GlobalIndex xdmf_polyline = 2, xdmf_polygon = 3, xdmf_polyhedron = 16;
+// Cell types in an XDMF "Mixed" topology; lines, polygons and polyhedra are followed by a count.
+constexpr GlobalIndex xdmf_polyline = 2, xdmf_polygon = 3, xdmf_tetrahedron = 6, xdmf_hexahedron = 9, xdmf_polyhedron = 16;
 
 /// What XDMF calls a grid: points and the stream of cells, this rank's rows of both.
 struct Geometry {
@@ -65,6 +66,48 @@ void append_polygon(const mesh::DistributedMesh& part, Index cell, std::vector<G
   append_copies(part, cell, nodes, out);
 }
 
+/// Nodes of the first face of a cell, turned so that its normal points into the cell, and room for others behind them.
+template <std::size_t n>
+std::array<Index, n> nodes_on_first_face(const mesh::PolyMesh& mesh, Index cell) {
+  const Index face = mesh.cell_faces[cell][0];
+  const auto base = mesh.face_nodes[face];
+  std::array<Index, n> nodes;
+  nodes.fill(-1);
+  std::copy(base.begin(), base.end(), nodes.begin());
+  if (mesh.orientation(cell, face) > 0) std::reverse(nodes.begin(), nodes.begin() + static_cast<std::ptrdiff_t>(base.size()));
+  return nodes;
+}
+
+/// A triangle seen from the fourth node, and that one, as VTK and XDMF have them.
+std::array<Index, 4> tetrahedron_nodes(const mesh::PolyMesh& mesh, Index cell) {
+  auto nodes = nodes_on_first_face<4>(mesh, cell);
+  for (const Index node : mesh.cell_nodes[cell])
+    if (std::find(nodes.begin(), nodes.end(), node) == nodes.end()) nodes[3] = node;
+  return nodes;
+}
+
+/// A quadrilateral seen from the others, and the nodes that edges lead to from its own, as VTK and XDMF have them; none for other polyhedra of
+/// as many quadrilaterals and nodes.
+std::optional<std::array<Index, 8>> hexahedron_nodes(const mesh::PolyMesh& mesh, Index cell) {
+  auto nodes = nodes_on_first_face<8>(mesh, cell);
+  const auto base = std::span(nodes).first<4>(), opposite = std::span(nodes).last<4>();
+  for (const Index face : mesh.cell_faces[cell].subspan(1)) {
+    const auto corners = mesh.face_nodes[face];
+    for (std::size_t k = 0; k < 4; ++k) {
+      const auto place = static_cast<std::size_t>(std::find(base.begin(), base.end(), corners[k]) - base.begin());
+      for (const Index neighbour : {corners[(k + 1) % 4], corners[(k + 3) % 4]}) {
+        if (place == base.size() || std::find(base.begin(), base.end(), neighbour) != base.end()) continue;
+        if (opposite[place] != -1 && opposite[place] != neighbour) return {};
+        opposite[place] = neighbour;
+      }
+    }
+  }
+  auto sorted = nodes;
+  std::sort(sorted.begin(), sorted.end());
+  if (sorted.front() == -1 || std::adjacent_find(sorted.begin(), sorted.end()) != sorted.end()) return {};
+  return nodes;
+}
+
 /// Faces are turned so that their normals point out of the cell.
 void append_polyhedron(const mesh::DistributedMesh& part, Index cell, std::vector<GlobalIndex>& out) {
   const auto faces = part.mesh.cell_faces[cell];
@@ -77,6 +120,24 @@ void append_polyhedron(const mesh::DistributedMesh& part, Index cell, std::vecto
   }
 }
 
+/// Tetrahedra and hexahedra by their nodes: that is a quarter of what their faces take.
+void append_solid(const mesh::DistributedMesh& part, Index cell, std::vector<GlobalIndex>& out) {
+  const mesh::PolyMesh& mesh = part.mesh;
+  const auto faces = mesh.cell_faces[cell];
+  const auto consists_of = [&](std::size_t count, Index corners, Index nodes) {
+    return faces.size() == count && mesh.cell_nodes.row_size(cell) == nodes &&
+           std::all_of(faces.begin(), faces.end(), [&](Index face) { return mesh.face_nodes.row_size(face) == corners; });
+  };
+  if (consists_of(4, 3, 4)) {
+    out.push_back(xdmf_tetrahedron);
+    return append_copies(part, cell, tetrahedron_nodes(mesh, cell), out);
+  }
+  const auto nodes = consists_of(6, 4, 8) ? hexahedron_nodes(mesh, cell) : std::nullopt;
+  if (!nodes) return append_polyhedron(part, cell, out);
+  out.push_back(xdmf_hexahedron);
+  append_copies(part, cell, *nodes, out);
+}
+
 Geometry matrix_geometry(const mesh::DistributedMesh& part) {
   Geometry geometry{owned_rows(part.cells), owned_rows(part.copies), {}, {}};
   for (Index copy = 0; copy < part.copies.owned; ++copy) {
@@ -84,7 +145,7 @@ Geometry matrix_geometry(const mesh::DistributedMesh& part) {
     geometry.points.insert(geometry.points.end(), x.begin(), x.end());
   }
   for (Index cell = 0; cell < part.cells.owned; ++cell) {
-    (part.mesh.dim == 2 ? append_polygon : append_polyhedron)(part, cell, geometry.topology);
+    (part.mesh.dim == 2 ? append_polygon : append_solid)(part, cell, geometry.topology);
   }
   return geometry;
 }

@@ -9,6 +9,8 @@
 #include "polyslip/common/error.hpp"
 #include "polyslip/io/field_writer.hpp"
 #include "polyslip/io/hdf5.hpp"
+#include "polyslip/mesh/generators.hpp"
+#include "support/boxes.hpp"
 #include "temporary_directory.hpp"
 #include "unit/mesh/grid.hpp"
 
@@ -54,6 +56,18 @@ struct Grid {
   }
 };
 
+// Faces of VTK's cells by their nodes, normals outward.
+using Faces = std::vector<std::vector<GlobalIndex>>;
+const Faces faces_of_tetrahedron{{0, 2, 1}, {0, 1, 3}, {1, 2, 3}, {2, 0, 3}};
+const Faces faces_of_hexahedron{{0, 4, 7, 3}, {1, 2, 6, 5}, {0, 1, 5, 4}, {3, 7, 6, 2}, {0, 3, 2, 1}, {4, 5, 6, 7}};
+
+void append_faces(const Faces& faces, const GlobalIndex* nodes, Faces& to) {
+  for (const auto& face : faces) {
+    auto& corners = to.emplace_back();
+    for (GlobalIndex k : face) corners.push_back(nodes[k]);
+  }
+}
+
 Grid read_grid(const std::filesystem::path& path) {
   const io::H5File file(PETSC_COMM_WORLD, path, io::H5File::Mode::read);
   const auto coordinates = file.read_doubles("/points", all_rows(file, "/points"));
@@ -64,7 +78,12 @@ Grid read_grid(const std::filesystem::path& path) {
   }
   for (std::size_t at = 0; at < stream.size();) {
     const GlobalIndex type = stream[at++];
-    EXPECT_TRUE(type == 2 || type == 3 || type == 16) << type;
+    EXPECT_TRUE(type == 2 || type == 3 || type == 6 || type == 9 || type == 16) << type;
+    if (type == 6 || type == 9) {
+      append_faces(type == 6 ? faces_of_tetrahedron : faces_of_hexahedron, &stream[at], grid.cells.emplace_back());
+      at += type == 6 ? 4 : 8;
+      continue;
+    }
     const GlobalIndex faces = type == 16 ? stream[at++] : 1;
     auto& cell = grid.cells.emplace_back();
     for (GlobalIndex f = 0; f < faces; ++f) {
@@ -126,6 +145,28 @@ TEST_P(field_writer, cells_have_their_volumes_and_outward_faces) {
   ASSERT_EQ(static_cast<GlobalIndex>(grid.cells.size()), part.cells.total);
   ASSERT_EQ(static_cast<GlobalIndex>(grid.points.size()), part.copies.total);
   for (std::size_t c = 0; c < grid.cells.size(); ++c) EXPECT_NEAR(grid.measure(c, dim()), dim() == 2 ? 1.0 / 16 : 1.0 / 32, 1e-14);
+}
+
+TEST(solids, have_their_volumes_and_outward_faces_whatever_they_are_written_as) {
+  for (const auto& [shape, numbers] : {std::pair("hexahedra", 9), {"tets", 5}, {"prisms", 0}, {"polyhedra", 0}, {"cut", 0}}) {
+    SCOPED_TRACE(shape);
+    const TemporaryDirectory directory;
+    auto serial = mesh::make_box(tests::unit_box({3, shape}, 3));
+    mesh::build_copies(serial);
+    const auto part = mesh::distribute(PETSC_COMM_WORLD, std::move(serial));
+    const io::FieldWriter writer(part, directory.path());
+    const Grid grid = read_grid(directory.path() / "matrix.h5");
+    double sum = 0;
+    for (std::size_t c = 0; c < grid.cells.size(); ++c) {
+      sum += grid.measure(c, 3);
+      EXPECT_GT(grid.measure(c, 3), 0) << c;
+    }
+    EXPECT_NEAR(sum, 1, 1e-13);
+    const io::H5File file(PETSC_COMM_WORLD, directory.path() / "matrix.h5", io::H5File::Mode::read);
+    if (numbers > 0) {
+      EXPECT_EQ(static_cast<GlobalIndex>(all_rows(file, "/topology").total), numbers * part.cells.total);
+    }
+  }
 }
 
 TEST_P(field_writer, cell_values_stay_with_their_cells) {

@@ -272,16 +272,12 @@ TEST_P(lent_rows_of_blocks, are_read_by_graphs_and_products_as_if_they_were_held
     POLYSLIP_PETSC(MatCreateGraph(matrix, PETSC_TRUE, PETSC_TRUE, -1, graph.put()));
     return graph;
   });
-  expect_same([&](Mat matrix) {
-    Handle<Mat> product;
-    POLYSLIP_PETSC(MatMatMult(matrix, p, MAT_INITIAL_MATRIX, PETSC_DEFAULT, product.put()));
-    return product;
-  });
-  expect_same([&](Mat matrix) {
-    Handle<Mat> product;
-    POLYSLIP_PETSC(MatPtAP(matrix, p, MAT_INITIAL_MATRIX, PETSC_DEFAULT, product.put()));
-    return product;
-  });
+  for (const auto form : {MatMatMult, MatPtAP})
+    expect_same([&](Mat matrix) {
+      Handle<Mat> product;
+      POLYSLIP_PETSC(form(matrix, p, MAT_INITIAL_MATRIX, PETSC_DEFAULT, product.put()));
+      return product;
+    });
 }
 
 TEST_P(lent_rows_of_blocks, are_read_by_incomplete_factors_as_if_they_were_held) {
