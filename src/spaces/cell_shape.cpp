@@ -8,34 +8,39 @@
 
 namespace polyslip::spaces {
 
-/// Into `shape`: warp, sizes not yet divided by h_K, and its part of d |K|, measured from xbar. Returns the area.
-double ShapeMeter::add_face(Index face, const Vec3& xbar, double sign, CellShape& shape, double& volume) {
+ShapeMeter::ShapeMeter(const mesh::PolyMesh& mesh) : mesh_(mesh), sums_(static_cast<std::size_t>(mesh.n_cells())) {
+  for (Index face = 0; face < mesh.n_faces(); ++face) add_face(face);
+}
+
+void ShapeMeter::add_face(Index face) {
   face_points(mesh_, face, points_);
   g_.resize(points_.size());
   w_.resize(points_.size());
   geometry::vector_weights(mesh_.dim, points_, g_);
-  for (std::size_t i = 0; i < points_.size(); ++i) volume += sign * g_[i].dot(points_[i] - xbar);
   const geometry::FaceGeometry geometry = geometry::face_geometry(points_, g_, w_);
-  const double size = mesh_.dim == 2 ? geometry.area : std::sqrt(geometry.area);
-  shape.smallest_face = std::min(shape.smallest_face, size);
-  if (mesh_.dim == 2) return geometry.area;
-  for (std::size_t i = 0; i < points_.size(); ++i) {
-    shape.smallest_face = std::min(shape.smallest_face, (points_[i] - points_[i == 0 ? points_.size() - 1 : i - 1]).norm());
-    shape.warp = std::max(shape.warp, std::abs((points_[i] - geometry.centre).dot(geometry.normal)) / size);
+  double moment = 0;  // about the first node
+  for (std::size_t i = 1; i < points_.size(); ++i) moment += g_[i].dot(points_[i] - points_[0]);
+  double smallest_square = mesh_.dim == 2 ? geometry.area * geometry.area : geometry.area, warp = 0;
+  for (std::size_t i = 0; mesh_.dim == 3 && i < points_.size(); ++i) {
+    smallest_square = std::min(smallest_square, (points_[i] - points_[i == 0 ? points_.size() - 1 : i - 1]).squaredNorm());
+    if (points_.size() > 3) warp = std::max(warp, std::abs((points_[i] - geometry.centre).dot(geometry.normal)));
   }
-  return geometry.area;
+  if (warp > 0) warp /= std::sqrt(geometry.area);
+  for (const Index cell : mesh_.face_cells[static_cast<std::size_t>(face)]) {
+    if (cell < 0) continue;
+    Sums& sums = sums_[static_cast<std::size_t>(cell)];
+    const Vec3& origin = mesh_.nodes[static_cast<std::size_t>(mesh_.cell_nodes[cell][0])];
+    sums.surface += geometry.area;
+    sums.volume += mesh_.orientation(cell, face) * (moment + geometry.area_vector.dot(points_[0] - origin));
+    sums.smallest_square = std::min(sums.smallest_square, smallest_square);
+    sums.warp = std::max(sums.warp, warp);
+  }
 }
 
 CellShape ShapeMeter::measure(Index cell) {
+  const Sums& sums = sums_[static_cast<std::size_t>(cell)];
   diameter_ = mesh::cell_diameter(mesh_, cell);
-  const Vec3 xbar = mesh::cell_node_average(mesh_, cell);
-  CellShape shape;
-  shape.smallest_face = diameter_;
-  double surface = 0, volume = 0;  // d |K|
-  for (const Index face : mesh_.cell_faces[cell]) surface += add_face(face, xbar, mesh_.orientation(cell, face), shape, volume);
-  shape.flatness = diameter_ * surface / volume;
-  shape.smallest_face /= diameter_;
-  return shape;
+  return {diameter_ * sums.surface / sums.volume, std::min(1.0, std::sqrt(sums.smallest_square) / diameter_), sums.warp};
 }
 
 }  // namespace polyslip::spaces
