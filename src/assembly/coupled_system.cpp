@@ -506,7 +506,7 @@ void CoupledSystem::visit_blocks(MatrixContent content, const std::array<const V
       rows.push_back(number);
       at_rows.push_back(e + i);
     }
-    const auto values = content == MatrixContent::exact ? contact_cells().block(p) : contact_cells().symmetric_block(p);
+    const auto values = condensed_block(p, content);
     const Eigen::Map<const RowMajor> block(values.data(), size, size);
     part = scale_ * block(at_u_rows, at_columns);
     (*add[0])(u_rows, columns, part.data());

@@ -256,6 +256,7 @@ void MechanicsSystem::assemble_bulk() {
   constexpr double flattest_mirrored = 1e4;  // beyond, fewer digits are left
   const Csr graph = matrix_graph(mesh_, layout_, cells_);
   if (mpi::any(mesh_.comm, sum_up_bulk(graph, physics::Blocks::lower) > flattest_mirrored)) sum_up_bulk(graph, physics::Blocks::all);
+  describe_fields();
   const auto is_contact_row = [this](Index row) { return std::binary_search(contact_rows_.begin(), contact_rows_.end(), row); };
   create_matrix(is_contact_row);
 }
@@ -297,7 +298,7 @@ void MechanicsSystem::create_matrix(Wanted&& wanted) {
   }
   matrix_ = std::make_unique<la::BlockMatrix>(layout_.matrix_layout(), graph);
   la::replace_operations(matrix_->get(), operations_);
-  describe_fields();
+  if (layout_.bubbles() == spaces::Bubbles::fracture) POLYSLIP_PETSC(MatSetNearNullSpace(matrix_->get(), modes_));
   write_bulk();
   kernels_.add_bytes(la::Kernel::insertion, 2 * bytes_of_entries(matrix_->get()));  // read from A, written
 }
@@ -341,16 +342,13 @@ bool MechanicsSystem::is_ours(std::span<const Index> displacements) const {
 }
 
 void MechanicsSystem::describe_fields() {
-  const la::Handle<MatNullSpace> modes = rigid_body_modes(mesh_, layout_);
-  if (layout_.bubbles() == spaces::Bubbles::fracture) {
-    POLYSLIP_PETSC(MatSetNearNullSpace(matrix_->get(), modes));
-    return;
-  }
+  modes_ = rigid_body_modes(mesh_, layout_);
+  if (layout_.bubbles() == spaces::Bubbles::fracture) return;
   const GlobalIndex first = layout_.first();
   POLYSLIP_PETSC(ISCreateStride(mesh_.comm, layout_.nodal_size(), first, 1, nodal_field_.put()));
   POLYSLIP_PETSC(ISSetBlockSize(nodal_field_, layout_.dim()));
   POLYSLIP_PETSC(PetscObjectCompose(reinterpret_cast<PetscObject>(nodal_field_.get()), "nearnullspace",
-                                    reinterpret_cast<PetscObject>(modes.get())));
+                                    reinterpret_cast<PetscObject>(modes_.get())));
   POLYSLIP_PETSC(ISCreateStride(mesh_.comm, layout_.displacement_size() - layout_.nodal_size(), first + layout_.nodal_size(), 1,
                                 normal_field_.put()));
 }
@@ -373,7 +371,7 @@ void MechanicsSystem::write_contact_rows(MatrixContent content) {
     }
   CellBlocks blocks(layout_, fixed());
   for (Index p = 0; content != MatrixContent::bulk && p < cells_.size(); ++p) {
-    blocks.assign(cells_.displacements(p), content == MatrixContent::exact ? cells_.block(p) : cells_.symmetric_block(p), cells_.block_size(p));
+    blocks.assign(cells_.displacements(p), condensed_block(p, content), cells_.block_size(p));
     add_rows(blocks, is_new, *matrix_);
   }
   matrix_->end_writing();
@@ -456,7 +454,7 @@ void MechanicsSystem::multiply(std::span<const double> x, MatrixContent content,
   Eigen::VectorXd local, rows;
   for (Index p = 0; p < cells_.size(); ++p) {
     const auto displacements = cells_.displacements(p);
-    const auto values = content == MatrixContent::exact ? cells_.block(p) : cells_.symmetric_block(p);
+    const auto values = condensed_block(p, content);
     const auto n = static_cast<Eigen::Index>(displacements.size());
     const Eigen::Map<const RowMajor, 0, Eigen::OuterStride<>> block(values.data(), n, n, Eigen::OuterStride<>(cells_.block_size(p)));
     local.resize(n);
@@ -473,7 +471,7 @@ void MechanicsSystem::diagonal(Vec y) const {
   std::copy(bulk.begin(), bulk.end(), entries.data());
   for (Index p = 0; content_ != MatrixContent::bulk && p < cells_.size(); ++p) {
     const auto displacements = cells_.displacements(p);
-    const auto block = content_ == MatrixContent::exact ? cells_.block(p) : cells_.symmetric_block(p);
+    const auto block = condensed_block(p, content_);
     for (std::size_t i = 0; i < displacements.size(); ++i)
       if (displacements[i] < layout_.displacement_size()) entries[displacements[i]] += block[i * (static_cast<std::size_t>(cells_.block_size(p)) + 1)];
   }

@@ -23,15 +23,10 @@ Handle<Mat> matrix_of(MPI_Comm comm, PetscInt columns, AijEntries own, AijEntrie
   using Kept = std::array<AijEntries, 2>;
   auto kept = std::make_unique<Kept>(Kept{std::move(own), std::move(others)});
   Handle<Mat> matrix = matrix_on(comm, columns, (*kept)[0], (*kept)[1]);
-  PetscContainer container = nullptr;
-  POLYSLIP_PETSC(PetscContainerCreate(comm, &container));
-  POLYSLIP_PETSC(PetscContainerSetUserDestroy(container, [](void* entries) -> PetscErrorCode {
+  compose(matrix.get(), "polyslip entries", kept.release(), [](void* entries) -> PetscErrorCode {
     delete static_cast<Kept*>(entries);
     return 0;
-  }));
-  POLYSLIP_PETSC(PetscContainerSetPointer(container, kept.release()));
-  POLYSLIP_PETSC(PetscObjectCompose(reinterpret_cast<PetscObject>(matrix.get()), "polyslip entries", reinterpret_cast<PetscObject>(container)));
-  POLYSLIP_PETSC(PetscContainerDestroy(&container));
+  });
   return matrix;
 }
 

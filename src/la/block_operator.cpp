@@ -187,13 +187,7 @@ namespace {
 
 constexpr const char* operations_name = "polyslip operations";
 
-const MatrixOperations& operations_of(Mat matrix) {
-  PetscObject object = nullptr;
-  void* operations = nullptr;
-  POLYSLIP_PETSC(PetscObjectQuery(reinterpret_cast<PetscObject>(matrix), operations_name, &object));
-  POLYSLIP_PETSC(PetscContainerGetPointer(reinterpret_cast<PetscContainer>(object), &operations));
-  return *static_cast<const MatrixOperations*>(operations);
-}
+const MatrixOperations& operations_of(Mat matrix) { return *composed<const MatrixOperations>(matrix, operations_name); }
 
 PetscErrorCode multiply_otherwise(Mat matrix, Vec x, Vec y) {
   PetscFunctionBeginUser;
@@ -218,15 +212,6 @@ PetscErrorCode diagonal_otherwise(Mat matrix, Vec y) {
   PetscFunctionBeginUser;
   PetscCallCXX(operations_of(matrix).diagonal(y));
   PetscFunctionReturn(0);
-}
-
-/// Composes a pointer that PETSc need not destroy.
-void compose(Mat matrix, const char* name, const void* pointer) {
-  PetscContainer container = nullptr;
-  POLYSLIP_PETSC(PetscContainerCreate(comm_of(matrix), &container));
-  POLYSLIP_PETSC(PetscContainerSetPointer(container, const_cast<void*>(pointer)));  // PETSc has no pointers to const
-  POLYSLIP_PETSC(PetscObjectCompose(reinterpret_cast<PetscObject>(matrix), name, reinterpret_cast<PetscObject>(container)));
-  POLYSLIP_PETSC(PetscContainerDestroy(&container));
 }
 
 }  // namespace

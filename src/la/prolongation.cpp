@@ -11,6 +11,7 @@
 
 #include "polyslip/la/aij_parts.hpp"
 #include "polyslip/la/block_rows.hpp"
+#include "polyslip/la/composed.hpp"
 #include "polyslip/la/vec_access.hpp"
 
 namespace polyslip::la {
@@ -107,13 +108,7 @@ class Blocks {
 /// What PETSc calls.
 template <int r, int c>
 struct Operations {
-  static Blocks<r, c>& blocks_of(Mat p) {
-    PetscObject object = nullptr;
-    void* blocks = nullptr;
-    POLYSLIP_PETSC(PetscObjectQuery(reinterpret_cast<PetscObject>(p), blocks_name, &object));
-    POLYSLIP_PETSC(PetscContainerGetPointer(reinterpret_cast<PetscContainer>(object), &blocks));
-    return *static_cast<Blocks<r, c>*>(blocks);
-  }
+  static Blocks<r, c>& blocks_of(Mat p) { return *composed<Blocks<r, c>>(p, blocks_name); }
   static PetscErrorCode add(Mat p, Vec x, Vec y, Vec z) {
     PetscFunctionBeginUser;
     PetscCallCXX(blocks_of(p).add_product(x, y, z));
@@ -137,13 +132,7 @@ void replace_products(Mat prolongation) {
   const AijParts parts(prolongation);
   for (Mat part : {parts.own, parts.others}) {
     if (part == nullptr || part->ops->multadd == Operations<r, c>::add) continue;
-    auto blocks = std::make_unique<Blocks<r, c>>(part);
-    PetscContainer container = nullptr;
-    POLYSLIP_PETSC(PetscContainerCreate(comm_of(part), &container));
-    POLYSLIP_PETSC(PetscContainerSetUserDestroy(container, Operations<r, c>::destroy));
-    POLYSLIP_PETSC(PetscContainerSetPointer(container, blocks.release()));
-    POLYSLIP_PETSC(PetscObjectCompose(reinterpret_cast<PetscObject>(part), blocks_name, reinterpret_cast<PetscObject>(container)));
-    POLYSLIP_PETSC(PetscContainerDestroy(&container));
+    compose(part, blocks_name, std::make_unique<Blocks<r, c>>(part).release(), Operations<r, c>::destroy);
     part->ops->multadd = Operations<r, c>::add;
     part->ops->multtranspose = Operations<r, c>::transposed;
   }

@@ -239,7 +239,7 @@ void CoupledSolver::matrix_changed(const std::vector<ContactState>& states, bool
   changed_since_setup_ += take_over(system_.mesh().comm, states, everywhere);
   if (starts_step_) forget_other_steps();
   const bool has_blocks = fixed_stress_.get() != nullptr;  // they follow the matrix
-  const bool many = static_cast<double>(changed_since_setup_ * system_.layout().dim()) > (has_blocks ? 0.02 * system_.fracture_faces() : 30);
+  const bool many = has_blocks ? are_many(changed_since_setup_) : changed_since_setup_ * system_.layout().dim() > 30;
   const bool costly = iterations_after_setup_ >= 0 && last_iterations_ > 1.5 * iterations_after_setup_ + 3;
   const bool again = factorises_ ? many || costly : !has_blocks;
   set_up(!has_preconditioner_ || again, has_blocks && (many || costly || starts_step_));

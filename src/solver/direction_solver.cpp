@@ -117,6 +117,11 @@ long long DirectionSolver::take_over(MPI_Comm comm, const std::vector<ContactSta
   return mpi::sum(comm, changed);
 }
 
+/// A changed face is a perturbation of rank d.
+bool DirectionSolver::are_many(long long changed_faces) const {
+  return static_cast<double>(changed_faces * condensed_system_.layout().dim()) > 0.02 * condensed_system_.fracture_faces();
+}
+
 void DirectionSolver::is_as_new_for(std::span<const physics::ContactLinearisation> law) {
   is_as_new_ = true;
   law_of_setup_.assign(law.begin(), law.end());

@@ -135,8 +135,8 @@ void LinearSolver::matrix_changed(const std::vector<ContactState>& states, bool 
   if (is_as_new) return set_up_preconditioner(false);
   if (!has_preconditioner_ || content_ == MechanicsSystem::MatrixContent::exact) return set_up_preconditioner(true);
   changed_since_setup_ += changed;
-  // A changed face is a perturbation of rank d, worth about d iterations to a factorisation and less to other preconditioners.
-  const bool many = static_cast<double>(changed_since_setup_ * system_.layout().dim()) > (factorises_ ? 8 : 0.02 * system_.fracture_faces());
+  // To a factorisation a changed face is worth about d iterations, to other preconditioners less.
+  const bool many = factorises_ ? changed_since_setup_ * system_.layout().dim() > 8 : are_many(changed_since_setup_);
   const bool costly = iterations_after_setup_ >= 0 && last_iterations_ > 1.5 * iterations_after_setup_ + 5;
   set_up_preconditioner(many || costly);
 }

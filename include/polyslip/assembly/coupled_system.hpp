@@ -59,8 +59,8 @@ class CoupledSystem final : public MechanicsSystem {
   // --- linearisation ---
   void linearise(Vec z, MatrixContent content) override;
   [[nodiscard]] double pressure_scale() const { return scale_; }  ///< s [Pa/m]
-  /// [[P, A_up], [A_pu, S']] as a MATNEST.
   void hold_all_rows() override;
+  /// [[P, A_up], [A_pu, S']] as a MATNEST.
   [[nodiscard]] Mat condensed_matrix() const { return nest_; }
   [[nodiscard]] Mat pressure_matrix() const { return pp_->get(); }
   void apply_condensed(Vec x, Vec y) const override;

@@ -154,6 +154,10 @@ class MechanicsSystem {
   /// y = P x with this content, for all local displacements (x, ghosts last) and the owned ones (y). P itself is not touched.
   void multiply(std::span<const double> x, MatrixContent content, std::span<double> y) const;
   void apply(MatrixContent content, Vec x, Vec y) const;
+  /// C_K of a + cell with this content, which is not that of the bulk.
+  [[nodiscard]] std::span<const double> condensed_block(Index p, MatrixContent content) const {
+    return content == MatrixContent::exact ? cells_.block(p) : cells_.symmetric_block(p);
+  }
   [[nodiscard]] bool is_ours(std::span<const Index> displacements) const;  ///< Whether this rank owns one of them.
   [[nodiscard]] MatrixContent content() const { return content_; }
 
@@ -193,6 +197,7 @@ class MechanicsSystem {
   bool holds_all_rows_ = false;
   const la::MatrixOperations operations_{[this](Vec x, Vec y) { apply(content_, x, y); }, [this](Vec y) { diagonal(y); }};
   la::KernelLog kernels_{"rock"};
+  la::Handle<MatNullSpace> modes_;  ///< Of rigid bodies.
   la::Handle<IS> nodal_field_, normal_field_;
   std::vector<Index> contact_rows_;  ///< Owned entities whose rows + cells touch.
   std::vector<double> bulk_rows_;    ///< Their values in A, in order.

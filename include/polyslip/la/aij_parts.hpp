@@ -4,6 +4,7 @@
 #include <memory>
 #include <vector>
 
+#include "polyslip/la/composed.hpp"
 #include "polyslip/la/handle.hpp"
 
 namespace polyslip::la {
@@ -68,13 +69,8 @@ struct AijParts {
   const PetscInt* global = nullptr;
   const BlockOperator* lent = nullptr;  ///< Has the rows of `own` that are empty there, if any are lent (lend_rows).
 
-  explicit AijParts(Mat matrix) : own(matrix) {
+  explicit AijParts(Mat matrix) : own(matrix), lent(composed<const BlockOperator>(matrix, lent_rows)) {
     PetscBool is_parallel = PETSC_FALSE;
-    PetscObject rows = nullptr;
-    void* pointer = nullptr;
-    POLYSLIP_PETSC(PetscObjectQuery(reinterpret_cast<PetscObject>(matrix), lent_rows, &rows));
-    if (rows != nullptr) POLYSLIP_PETSC(PetscContainerGetPointer(reinterpret_cast<PetscContainer>(rows), &pointer));
-    lent = static_cast<const BlockOperator*>(pointer);
     POLYSLIP_PETSC(PetscObjectTypeCompare(reinterpret_cast<PetscObject>(matrix), MATMPIAIJ, &is_parallel));
     if (is_parallel) POLYSLIP_PETSC(MatMPIAIJGetSeqAIJ(matrix, &own, &others, &global));
   }

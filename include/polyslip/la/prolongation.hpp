@@ -8,7 +8,7 @@
 namespace polyslip::la {
 
 /// From now on MatMultAdd and MatMultTranspose of a MATAIJ go by blocks, of which it must consist: as its block sizes tell, 2 x 3, 3 x 3, 3 x 6 or
-/// 6 x 6 entries (with others it is left as it is). They take the entries that it has then, rounded to single precision.
+/// 6 x 6 entries (with others it is left as it is). They take the entries that it has at the time, rounded to single precision.
 void multiply_by_blocks(Mat prolongation);
 
 }  // namespace polyslip::la

@@ -67,6 +67,8 @@ class DirectionSolver {
   /// Takes over the states of the owned faces; returns how many faces, over all ranks, have changed with that: all where there were none
   /// before, or if the matrix changed `everywhere`.
   long long take_over(MPI_Comm comm, const std::vector<physics::ContactState>& states, bool everywhere);
+  /// Whether so many faces have changed that a preconditioner that is no factorisation had better be brought up to date.
+  [[nodiscard]] bool are_many(long long changed_faces) const;
   /// Takes down that the preconditioner has been set up for the contact law at hand as a new solver would do it.
   void is_as_new_for(std::span<const physics::ContactLinearisation> law);
   /// Whether it is what a new solver would make for this law.

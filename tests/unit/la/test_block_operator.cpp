@@ -232,25 +232,22 @@ class lent_rows_of_blocks : public block_operator {
     POLYSLIP_PETSC(MatAssemblyEnd(p, MAT_FINAL_ASSEMBLY));
     return p;
   }
-  /// The results of two matrices are the same to the bit.
+  /// The same to the bit, and not nothing; `equal` and `norm` are PETSc's for such objects.
+  template <class T, class Equal, class Norm>
+  static void expect_same(const Handle<T>& of_whole, const Handle<T>& of_thin, Equal&& equal, Norm&& norm) {
+    PetscBool same = PETSC_FALSE;
+    PetscReal size = 0;
+    POLYSLIP_PETSC(equal(of_whole, of_thin, &same));
+    POLYSLIP_PETSC(norm(of_whole, NORM_FROBENIUS, &size));  // of vectors the 2-norm
+    EXPECT_TRUE(same);
+    EXPECT_GT(size, 0);
+  }
+  /// What `make` makes of the two matrices.
   template <class Make>
   void expect_same(Make&& make) const {
-    const Handle<Mat> of_whole = make(whole_.get()), of_thin = make(thin_.get());
-    PetscBool same = PETSC_FALSE;
-    PetscReal size = 0;
-    POLYSLIP_PETSC(MatEqual(of_whole, of_thin, &same));
-    POLYSLIP_PETSC(MatNorm(of_whole, NORM_FROBENIUS, &size));
-    EXPECT_TRUE(same);
-    EXPECT_GT(size, 0);
+    expect_same(make(whole_.get()), make(thin_.get()), MatEqual, MatNorm);
   }
-  void expect_same(const Handle<Vec>& of_whole, const Handle<Vec>& of_thin) const {
-    PetscBool same = PETSC_FALSE;
-    PetscReal size = 0;
-    POLYSLIP_PETSC(VecEqual(of_whole, of_thin, &same));
-    POLYSLIP_PETSC(VecNorm(of_whole, NORM_2, &size));
-    EXPECT_TRUE(same);
-    EXPECT_GT(size, 0);
-  }
+  static void expect_same(const Handle<Vec>& of_whole, const Handle<Vec>& of_thin) { expect_same(of_whole, of_thin, VecEqual, VecNorm); }
   [[nodiscard]] Handle<Vec> some_vector(Mat matrix) const {
     Handle<Vec> x;
     PetscInt first = 0, end = 0;
