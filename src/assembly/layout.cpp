@@ -78,18 +78,12 @@ void Layout::number_ghosts(const mesh::DistributedMesh& mesh) {
 }
 
 void Layout::append_displacements(const mesh::PolyMesh& mesh, Index cell, std::vector<Index>& displacements) const {
-  for (Index copy : mesh.copies_of(cell))
-    for (int a = 0; a < dim_; ++a) displacements.push_back(of_copy(copy) + a);
-  if (bubbles_ == spaces::Bubbles::fracture) return;
-  for (Index face : mesh.cell_faces[cell])
-    if (const Index normal = of_normal(face); normal >= 0) displacements.push_back(normal);
+  visit_entities(mesh, cell, [&](Index entity) { append_components(entity, displacements); });
 }
 
-void Layout::append_entities(const mesh::PolyMesh& mesh, Index cell, std::vector<Index>& entities) const {
-  for (Index copy : mesh.copies_of(cell)) entities.push_back(copy < copies_ ? copy : copy + normals_);
-  if (bubbles_ == spaces::Bubbles::fracture) return;
-  for (Index face : mesh.cell_faces[cell])
-    if (const Index normal = of_normal(face); normal >= 0) entities.push_back(entity_of(normal));
+void Layout::append_components(Index entity, std::vector<Index>& displacements) const {
+  const Index first = first_displacement(entity);
+  for (int a = 0; a < width(entity); ++a) displacements.push_back(first + a);
 }
 
 Index Layout::entity_of(Index displacement) const {
@@ -97,6 +91,13 @@ Index Layout::entity_of(Index displacement) const {
   if (displacement < displacement_size()) return copies_ + displacement - nodal_size();
   const Index behind = displacement - displacement_size(), ghost_copies = local_copies_ - copies_;
   return owned_entities() + (behind < dim_ * ghost_copies ? behind / dim_ : ghost_copies + behind - dim_ * ghost_copies);
+}
+
+Index Layout::first_displacement(Index entity) const {
+  if (entity < copies_) return dim_ * entity;
+  if (entity < owned_entities()) return nodal_size() + entity - copies_;
+  const Index ghost = entity - owned_entities(), ghost_copies = local_copies_ - copies_;
+  return displacement_size() + (ghost < ghost_copies ? dim_ * ghost : dim_ * ghost_copies + ghost - ghost_copies);
 }
 
 la::BlockMatrix::Layout Layout::matrix_layout() const { return {comm_, dim_, owned_entities(), first_, ghost_blocks_, widths_}; }

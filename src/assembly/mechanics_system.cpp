@@ -39,18 +39,22 @@ void assign_laws(const mesh::DistributedMesh& mesh, const physics::MechanicsProb
   }
 }
 
+/// Appends the entities of displacements, of which those of an entity follow on one another.
+void append_entities_of(std::span<const Index> displacements, const Layout& layout, std::vector<Index>& entities) {
+  for (std::size_t i = 0; i < displacements.size(); i += static_cast<std::size_t>(layout.width(entities.back())))
+    entities.push_back(layout.entity_of(displacements[i]));
+}
+
 /// Entities of each cell, and then of the condensed block of each + cell.
 Csr entity_groups(const mesh::DistributedMesh& mesh, const Layout& layout, const ContactCells& contact) {
   Csr groups;
   const auto end_row = [&] { groups.offsets.push_back(static_cast<Index>(groups.values.size())); };
   for (Index cell = 0; cell < mesh.mesh.n_cells(); ++cell) {
-    layout.append_entities(mesh.mesh, cell, groups.values);
+    layout.visit_entities(mesh.mesh, cell, [&](Index entity) { groups.values.push_back(entity); });
     end_row();
   }
   for (Index p = 0; p < contact.size(); ++p) {
-    Index last = -1;
-    for (Index i : contact.displacements(p))
-      if (const Index entity = layout.entity_of(i); std::exchange(last, entity) != entity) groups.values.push_back(entity);
+    append_entities_of(contact.displacements(p), layout, groups.values);
     end_row();
   }
   return groups;
@@ -93,39 +97,46 @@ class CellBlocks {
  public:
   CellBlocks(const Layout& layout, std::span<const char> fixed) : layout_(layout), fixed_(fixed) {}
 
-  /// Of these displacements; `matrix` is the leading part of rows of `width` entries. Of prescribed displacements only diagonal entries are left.
-  void assign(std::span<const Index> displacements, std::span<const double> matrix, int width) {
-    entities_.clear();
-    begin_.clear();
-    const int n = static_cast<int>(displacements.size());
-    for (int i = 0; i < n; i += layout_.width(entities_.back())) {
-      entities_.push_back(layout_.entity_of(displacements[static_cast<std::size_t>(i)]));
-      begin_.push_back(i);
-    }
+  /// Of these entities; `matrix` is the leading part of rows of `width` entries. Of prescribed displacements only diagonal entries are left.
+  void assign(std::span<const Index> entities, std::span<const double> matrix, int width) {
+    entities_ = entities;
     matrix_ = matrix.data();
     width_ = width;
-    if (std::any_of(displacements.begin(), displacements.end(), [&](Index i) { return fixed_[i] != 0; })) mask(displacements);
+    begin_.clear();
+    bool is_fixed = false;
+    int begin = 0;
+    for (const Index entity : entities) {
+      const Index first = layout_.first_displacement(entity);
+      const int components = layout_.width(entity);
+      for (int a = 0; a < components; ++a) is_fixed = is_fixed || fixed_[first + a] != 0;
+      begin_.push_back(begin);
+      begin += components;
+    }
+    if (is_fixed) mask();
   }
   [[nodiscard]] std::span<const Index> entities() const { return entities_; }
   [[nodiscard]] const double* block(std::size_t k, std::size_t l) const { return matrix_ + begin_[k] * width_ + begin_[l]; }
   [[nodiscard]] int width() const { return width_; }
 
  private:
-  void mask(std::span<const Index> displacements) {
-    masked_.assign(matrix_, matrix_ + displacements.size() * static_cast<std::size_t>(width_));
+  void mask() {
+    displacements_.clear();
+    for (const Index entity : entities_) layout_.append_components(entity, displacements_);
+    masked_.assign(matrix_, matrix_ + displacements_.size() * static_cast<std::size_t>(width_));
     double* entry = masked_.data();
-    for (std::size_t i = 0; i < displacements.size(); ++i, entry += width_)
-      for (std::size_t j = 0; j < displacements.size(); ++j)
-        if (i != j && (fixed_[displacements[i]] || fixed_[displacements[j]])) entry[j] = 0;
+    for (std::size_t i = 0; i < displacements_.size(); ++i, entry += width_)
+      for (std::size_t j = 0; j < displacements_.size(); ++j)
+        if (i != j && (fixed_[displacements_[i]] || fixed_[displacements_[j]])) entry[j] = 0;
     matrix_ = masked_.data();
   }
 
   const Layout& layout_;
   std::span<const char> fixed_;
-  std::vector<Index> entities_;
+  std::span<const Index> entities_;
   std::vector<int> begin_;  ///< First row of each.
   const double* matrix_ = nullptr;
   int width_ = 0;
+  std::vector<Index> displacements_;
   std::vector<double> masked_;
 };
 
@@ -161,7 +172,7 @@ double add_bulk(const CellBlocks& cell, la::BlockOperator& bulk) {
 struct StiffnessSlot {
   spaces::VemCell vem;
   Index cell = -1;
-  std::vector<Index> displacements;
+  std::vector<Index> entities;
   std::vector<double> matrix;
 };
 
@@ -188,8 +199,8 @@ void visit_stiffness(const MechanicsSystem& system, std::span<const Index> cells
     return physics::stiffness_flops(layout.dim(), slot.vem, blocks);
   };
   in_batches(cells, slots, log, geometry, matrix, [&](StiffnessSlot& slot) {
-    slot.displacements.clear();
-    layout.append_displacements(mesh, slot.cell, slot.displacements);
+    slot.entities.clear();
+    layout.visit_entities(mesh, slot.cell, [&](Index entity) { slot.entities.push_back(entity); });
     return insert(std::as_const(slot));
   });
 }
@@ -237,12 +248,15 @@ void MechanicsSystem::keep_bulk_diagonal() {
 
 template <class Wanted>
 std::vector<Index> MechanicsSystem::bulk_cells(Wanted&& wanted) const {
-  std::vector<Index> chosen, displacements;
+  std::vector<Index> chosen;
   for (Index cell = 0; cell < mesh_.mesh.n_cells(); ++cell) {
     if (cells_.contains(cell)) continue;
-    displacements.clear();
-    layout_.append_displacements(mesh_.mesh, cell, displacements);
-    if (wanted(std::span<const Index>(displacements))) chosen.push_back(cell);
+    bool is_ours = false, is_wanted = false;
+    layout_.visit_entities(mesh_.mesh, cell, [&](Index entity) {
+      is_ours = is_ours || entity < layout_.owned_entities();
+      is_wanted = is_wanted || wanted(entity);
+    });
+    if (is_ours && is_wanted) chosen.push_back(cell);
   }
   return chosen;
 }
@@ -262,7 +276,7 @@ void MechanicsSystem::assemble_bulk() {
 }
 
 double MechanicsSystem::sum_up_bulk(const Csr& graph, physics::Blocks blocks) {
-  const std::vector<Index> cells = bulk_cells([&](std::span<const Index> displacements) { return is_ours(displacements); });
+  const std::vector<Index> cells = bulk_cells([](Index) { return true; });
   bulk_.reset();
   bulk_ = std::make_unique<la::BlockOperator>(layout_.matrix_layout(), graph, blocks == physics::Blocks::lower);
   const spaces::FaceWeights weights = [&] {
@@ -275,7 +289,7 @@ double MechanicsSystem::sum_up_bulk(const Csr& graph, physics::Blocks blocks) {
   CellBlocks cell_blocks(layout_, fixed());
   visit_stiffness(*this, cells, blocks, &weights, kernels_, [&](const StiffnessSlot& slot) {
     flattest = std::max(flattest, slot.vem.flatness());
-    cell_blocks.assign(slot.displacements, slot.matrix, static_cast<int>(slot.displacements.size()));
+    cell_blocks.assign(slot.entities, slot.matrix, slot.vem.components());
     return add_bulk(cell_blocks, *bulk_) * layout_.dim() * layout_.dim();  // nearly: bubbles along normals are narrower
   });
   kernels_.add_bytes(la::Kernel::geometry, bytes_of_geometry(mesh_.mesh) + 2 * weights.bytes());
@@ -370,8 +384,12 @@ void MechanicsSystem::write_contact_rows(MatrixContent content) {
       saved += static_cast<std::ptrdiff_t>(values.size());
     }
   CellBlocks blocks(layout_, fixed());
+  std::vector<Index> entities;
   for (Index p = 0; content != MatrixContent::bulk && p < cells_.size(); ++p) {
-    blocks.assign(cells_.displacements(p), condensed_block(p, content), cells_.block_size(p));
+    entities.clear();
+    append_entities_of(cells_.displacements(p), layout_, entities);
+    if (std::none_of(entities.begin(), entities.end(), [&](Index i) { return i < layout_.owned_entities() && is_new[i] != 0; })) continue;
+    blocks.assign(entities, condensed_block(p, content), cells_.block_size(p));
     add_rows(blocks, is_new, *matrix_);
   }
   matrix_->end_writing();
@@ -389,13 +407,15 @@ void MechanicsSystem::set_loads(Loads loads) {
 
 void MechanicsSystem::compute_lift() {
   lift_.assign(static_cast<std::size_t>(layout_.displacement_size()), 0.0);
-  const std::vector<Index> cells = bulk_cells([&](std::span<const Index> displacements) {
-    return is_ours(displacements) &&
-           std::any_of(displacements.begin(), displacements.end(), [&](Index i) { return loads_.dirichlet[i] != 0; });
+  const std::vector<Index> cells = bulk_cells([&](Index entity) {
+    const auto first = loads_.dirichlet.begin() + layout_.first_displacement(entity);
+    return std::any_of(first, first + layout_.width(entity), [](double value) { return value != 0; });
   });
   la::KernelLog log("lift");
+  std::vector<Index> displacements;
   visit_stiffness(*this, cells, physics::Blocks::all, nullptr, log, [&](const StiffnessSlot& slot) {
-    const std::vector<Index>& displacements = slot.displacements;
+    displacements.clear();
+    for (const Index entity : slot.entities) layout_.append_components(entity, displacements);
     const std::size_t n = displacements.size();
     for (std::size_t i = 0; i < n; ++i) {
       if (displacements[i] >= layout_.displacement_size() || fixed()[displacements[i]]) continue;

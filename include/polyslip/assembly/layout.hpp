@@ -63,8 +63,16 @@ class Layout {
   [[nodiscard]] Index owned_entities() const { return copies_ + normals_; }
   [[nodiscard]] Index local_entities() const { return local_copies_ + local_normals_; }
   [[nodiscard]] Index entity_of(Index displacement) const;
-  /// Of a cell, in the order of its displacements.
-  void append_entities(const mesh::PolyMesh& mesh, Index cell, std::vector<Index>& entities) const;
+  [[nodiscard]] Index first_displacement(Index entity) const;
+  void append_components(Index entity, std::vector<Index>& displacements) const;
+  /// Calls visit(entity) for those of a cell, in the order of its displacements.
+  template <class Visit>
+  void visit_entities(const mesh::PolyMesh& mesh, Index cell, Visit&& visit) const {
+    for (const Index copy : mesh.copies_of(cell)) visit(copy < copies_ ? copy : copy + normals_);
+    if (bubbles_ == spaces::Bubbles::fracture) return;
+    for (const Index face : mesh.cell_faces[cell])
+      if (const Index normal = of_normal(face); normal >= 0) visit(entity_of(normal));
+  }
   [[nodiscard]] int width(Index entity) const { return widths_.empty() ? dim_ : widths_[static_cast<std::size_t>(entity)]; }
   [[nodiscard]] la::BlockMatrix::Layout matrix_layout() const;
 
