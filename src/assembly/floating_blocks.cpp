@@ -5,6 +5,7 @@
 #include <Eigen/Eigenvalues>
 #include <Eigen/Geometry>
 #include <algorithm>
+#include <cmath>
 
 #include "polyslip/common/mpi.hpp"
 
@@ -34,23 +35,27 @@ std::string FloatingBlocks::text(const mesh::Block& block) {
 FloatingBlocks::FloatingBlocks(const MechanicsSystem& system) : system_(system), modes_(system.layout().dim() == 2 ? 3 : 6) {
   const mesh::Blocks blocks = mesh::find_blocks(system.mesh());
   of_cell_ = blocks.of_cell;
-  measure_blocks(blocks);
-  add_prescribed(blocks);
+  const mesh::DistributedMesh& mesh = system.mesh();
+  std::vector<Index> of_copy(static_cast<std::size_t>(mesh.copies.owned));
+  for (Index cell = 0; cell < mesh.mesh.n_cells(); ++cell)
+    for (const Index copy : mesh.mesh.copies_of(cell))
+      if (copy < mesh.copies.owned) of_copy[copy] = of_cell_[cell];
+  measure_blocks(blocks, of_copy);
+  add_prescribed(blocks, of_copy);
   keep_floating(blocks);
 }
 
-void FloatingBlocks::measure_blocks(const mesh::Blocks& blocks) {
+void FloatingBlocks::measure_blocks(const mesh::Blocks& blocks, const std::vector<Index>& of_copy) {
   const mesh::DistributedMesh& mesh = system_.mesh();
-  std::vector<double> sizes(blocks.blocks.size(), 0.0);
-  for (Index cell = 0; cell < mesh.cells.owned; ++cell)
-    for (Index s : mesh.mesh.cell_nodes[cell]) {
-      double& size = sizes[of_cell_[cell]];
-      size = std::min(size, -(mesh.mesh.nodes[s] - blocks.blocks[of_cell_[cell]].point).norm());
-    }
-  mpi::min_in_place(mesh.comm, sizes);
-  for (std::size_t b = 0; b < sizes.size(); ++b) {
+  std::vector<double> squares(blocks.blocks.size(), 0.0);  // negative
+  for (Index copy = 0; copy < mesh.copies.owned; ++copy) {
+    const Index block = of_copy[copy];
+    squares[block] = std::min(squares[block], -(mesh.mesh.nodes[mesh.mesh.copy_node[copy]] - blocks.blocks[block].point).squaredNorm());
+  }
+  mpi::min_in_place(mesh.comm, squares);
+  for (std::size_t b = 0; b < squares.size(); ++b) {
     centre_.push_back(blocks.blocks[b].point);
-    size_.push_back(-sizes[b]);
+    size_.push_back(std::sqrt(-squares[b]));
   }
 }
 
@@ -65,22 +70,16 @@ FloatingBlocks::Row FloatingBlocks::row(Index block, const Vec3& x, const Vec3& 
   return r;
 }
 
-void FloatingBlocks::add_prescribed(const mesh::Blocks& blocks) {
+void FloatingBlocks::add_prescribed(const mesh::Blocks& blocks, const std::vector<Index>& of_copy) {
   const mesh::DistributedMesh& mesh = system_.mesh();
   const mesh::PolyMesh& m = mesh.mesh;
   const auto entries = static_cast<std::size_t>(modes_) * modes_;
   std::vector<double> grams(blocks.blocks.size() * entries, 0.0);
-  std::vector<char> done(static_cast<std::size_t>(mesh.copies.owned), 0);
-  for (Index cell = 0; cell < m.n_cells(); ++cell)
-    for (Index copy : m.copies_of(cell)) {
-      if (copy >= mesh.copies.owned || done[copy]) continue;
-      done[copy] = 1;
-      Eigen::Map<Eigen::MatrixXd> gram(grams.data() + of_cell_[cell] * entries, modes_, modes_);
-      for (int a = 0; a < m.dim; ++a) {
-        if (!system_.fixed()[system_.layout().of_copy(copy) + a]) continue;
-        const Row r = row(of_cell_[cell], m.nodes[m.copy_node[copy]], Vec3::Unit(a));
-        gram += r.head(modes_) * r.head(modes_).transpose();
-      }
+  for (Index copy = 0; copy < mesh.copies.owned; ++copy)
+    for (int a = 0; a < m.dim; ++a) {
+      if (!system_.fixed()[system_.layout().of_copy(copy) + a]) continue;
+      const Row r = row(of_copy[copy], m.nodes[m.copy_node[copy]], Vec3::Unit(a));
+      Eigen::Map<Eigen::MatrixXd>(grams.data() + of_copy[copy] * entries, modes_, modes_) += r.head(modes_) * r.head(modes_).transpose();
     }
   mpi::sum_in_place(mesh.comm, grams);
   for (std::size_t b = 0; b < blocks.blocks.size(); ++b) held_.emplace_back(Eigen::Map<Eigen::MatrixXd>(grams.data() + b * entries, modes_, modes_));

@@ -25,22 +25,24 @@ bool is_zero(const std::array<Expression, 3>& f, int dim) {
 /// Points at which a function of each copy is evaluated: the node, or for split nodes a point 1e-12 of the way to the cells that see it.
 std::vector<Vec3> points_of_copies(const mesh::DistributedMesh& mesh) {
   const mesh::PolyMesh& m = mesh.mesh;
-  std::vector<Vec3> inward(static_cast<std::size_t>(m.n_copies()), Vec3::Zero());
-  std::vector<Index> copies_at(static_cast<std::size_t>(m.n_nodes()), 0), seen(inward.size(), 0);
+  std::vector<Vec3> points;
+  for (Index s : m.copy_node) points.push_back(m.nodes[s]);
+  std::vector<Index> copies_at(static_cast<std::size_t>(m.n_nodes()), 0), seen(points.size(), 0);
   for (Index s : m.copy_node) ++copies_at[s];
+  const auto is_split = [&](Index copy) { return copies_at[m.copy_node[copy]] > 1; };
+  std::vector<Vec3> inward(points.size(), Vec3::Zero());
   for (Index cell = 0; cell < m.n_cells(); ++cell) {
+    const auto copies = m.copies_of(cell);
+    if (std::none_of(copies.begin(), copies.end(), is_split)) continue;
     const Vec3 centre = mesh::cell_node_average(m, cell);
-    for (Index copy : m.copies_of(cell)) {
-      inward[copy] += centre - m.nodes[m.copy_node[copy]];
+    for (Index copy : copies) {
+      inward[copy] += centre - points[copy];
       ++seen[copy];
     }
   }
-  for (Index copy = 0; copy < m.n_copies(); ++copy) {
-    const Vec3& node = m.nodes[m.copy_node[copy]];
-    const bool split = copies_at[m.copy_node[copy]] > 1;
-    inward[copy] = split ? Vec3(node + 1e-12 / std::max(1, seen[copy]) * inward[copy]) : node;
-  }
-  return inward;
+  for (Index copy = 0; copy < m.n_copies(); ++copy)
+    if (is_split(copy)) points[copy] += 1e-12 / std::max(1, seen[copy]) * inward[copy];
+  return points;
 }
 
 }  // namespace

@@ -2,6 +2,7 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <cmath>
 
 #include "polyslip/common/error.hpp"
@@ -80,7 +81,14 @@ void stiffness(const spaces::VemCell& cell, const Lame& lame, double gamma, std:
 
 std::vector<Lame> cell_moduli(const mesh::PolyMesh& mesh, const std::vector<ElasticRule>& rules) {
   std::vector<Lame> moduli(static_cast<std::size_t>(mesh.n_cells()));
+  const bool vary = std::any_of(rules.begin(), rules.end(), [](const ElasticRule& rule) {
+    return rule.where || !rule.first.is_constant() || !rule.second.is_constant();
+  });
   for (Index cell = 0; cell < mesh.n_cells(); ++cell) {
+    if (!vary && cell > 0 && mesh.cell_region[cell] == mesh.cell_region[cell - 1]) {
+      moduli[cell] = moduli[cell - 1];
+      continue;
+    }
     const EvalPoint at{.x = mesh::cell_node_average(mesh, cell)};
     const std::string& region = mesh.region_names[static_cast<std::size_t>(mesh.cell_region[cell])];
     const ElasticRule* chosen = nullptr;

@@ -36,8 +36,9 @@ class FloatingBlocks {
  private:
   using Row = Eigen::Matrix<double, 6, 1>;
   [[nodiscard]] Row row(Index block, const Vec3& x, const Vec3& direction) const;
-  void measure_blocks(const mesh::Blocks& blocks);
-  void add_prescribed(const mesh::Blocks& blocks);
+  /// `of_copy`: the block of each owned copy.
+  void measure_blocks(const mesh::Blocks& blocks, const std::vector<Index>& of_copy);
+  void add_prescribed(const mesh::Blocks& blocks, const std::vector<Index>& of_copy);
   void keep_floating(const mesh::Blocks& blocks);
   void add_face(Index face, const Eigen::Matrix3d& frame, int rows, Eigen::MatrixXd& gram) const;
   [[nodiscard]] std::optional<std::string> motion_left(const Eigen::MatrixXd& gram) const;

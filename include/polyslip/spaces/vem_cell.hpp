@@ -82,7 +82,7 @@ class VemCell {
   Bubbles bubbles_;
   const FaceWeights* weights_;
   Index cell_ = -1;
-  int n_nodes_ = 0;
+  int n_nodes_ = 0, nodes_of_faces_ = 0;
   double volume_ = 0, diameter_ = 0;
   Vec3 xbar_ = Vec3::Zero();
   std::vector<Vec3> c_, offsets_, bubble_c_, normal_c_, normals_;
