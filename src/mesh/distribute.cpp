@@ -2,7 +2,10 @@
 
 #include <algorithm>
 #include <cstdint>
+#include <optional>
+#include <span>
 #include <stdexcept>
+#include <utility>
 
 #include "polyslip/common/error.hpp"
 #include "polyslip/common/mpi.hpp"
@@ -19,23 +22,52 @@ namespace {
 constexpr std::size_t largest_message = std::size_t{1} << 30;  // Bytes; an MPI count is a 32-bit int.
 constexpr int tag = 1;
 
-void send(MPI_Comm comm, const std::vector<std::byte>& bytes, int to) {
-  const std::uint64_t size = bytes.size();
-  MPI_Send(&size, 1, MPI_UINT64_T, to, tag, comm);
-  for (std::size_t sent = 0; sent < size; sent += largest_message) {
-    MPI_Send(bytes.data() + sent, static_cast<int>(std::min(largest_message, size - sent)), MPI_BYTE, to, tag, comm);
-  }
+/// Calls visit(bytes) for pieces of a run that a message can hold.
+template <class Byte, class Visit>
+void by_messages(std::span<Byte> run, Visit&& visit) {
+  for (; !run.empty(); run = run.subspan(std::min(largest_message, run.size()))) visit(run.first(std::min(largest_message, run.size())));
 }
 
-std::vector<std::byte> receive(MPI_Comm comm, int from) {
+/// A part on its way to its rank.
+class Parcel {
+ public:
+  explicit Parcel(DistributedMesh&& part) : part_(std::move(part)) {
+    visit_fields(packer_, std::as_const(part_));
+    size_ = packer_.bytes().size();
+  }
+  void send(MPI_Comm comm, int to) {
+    MPI_Isend(&size_, 1, MPI_UINT64_T, to, tag, comm, &requests_.emplace_back());
+    const auto send_run = [&](std::span<const std::byte> run) {
+      by_messages(run, [&](std::span<const std::byte> piece) {
+        MPI_Isend(piece.data(), static_cast<int>(piece.size()), MPI_BYTE, to, tag, comm, &requests_.emplace_back());
+      });
+    };
+    send_run(packer_.bytes());
+    for (const auto array : packer_.arrays()) send_run(array);
+  }
+  void wait() { MPI_Waitall(static_cast<int>(requests_.size()), requests_.data(), MPI_STATUSES_IGNORE); }
+
+ private:
+  DistributedMesh part_;
+  Packer packer_;
+  std::uint64_t size_ = 0;
+  std::vector<MPI_Request> requests_;
+};
+
+DistributedMesh receive_part(MPI_Comm comm, int from) {
+  const auto fetch = [=](std::span<std::byte> run) {
+    by_messages(run, [&](std::span<std::byte> piece) {
+      MPI_Recv(piece.data(), static_cast<int>(piece.size()), MPI_BYTE, from, tag, comm, MPI_STATUS_IGNORE);
+    });
+  };
   std::uint64_t size = 0;
   MPI_Recv(&size, 1, MPI_UINT64_T, from, tag, comm, MPI_STATUS_IGNORE);
   std::vector<std::byte> bytes(size);
-  for (std::size_t got = 0; got < size; got += largest_message) {
-    const int count = static_cast<int>(std::min(largest_message, size - got));
-    MPI_Recv(bytes.data() + got, count, MPI_BYTE, from, tag, comm, MPI_STATUS_IGNORE);
-  }
-  return bytes;
+  fetch(bytes);
+  Unpacker unpacker(std::move(bytes), fetch);
+  DistributedMesh part;
+  visit_fields(unpacker, part);
+  return part;
 }
 
 /// The whole mesh as the part of the only rank: arrays are moved, not copied.
@@ -58,18 +90,19 @@ DistributedMesh whole_part(PolyMesh&& serial, const PartitionOptions& options) {
   return part;
 }
 
-/// Rank 0 cuts and sends part by part, so that beside the whole mesh it holds one part at a time, and keeps its own.
+/// Rank 0 cuts and sends part by part, so that beside the whole mesh it holds the one under way and the next, and keeps its own.
 DistributedMesh cut_and_send(MPI_Comm comm, const PolyMesh& serial, const std::vector<Index>& part,
                              const PartitionOptions& options) {
   const int ranks = mpi::size(comm);
   PartCutter cutter(serial, part, ranks, options.flow ? flow_entities(serial) : FlowEntities());
-  for (int rank = 1; rank < ranks; ++rank) {
-    const DistributedMesh theirs = cutter.cut(rank);
-    Packer packer;
-    visit_fields(packer, theirs);
-    send(comm, packer.bytes(), rank);
-  }
-  return cutter.cut(0);
+  std::optional<Parcel> under_way;
+  const auto cut = [&](int rank) {
+    DistributedMesh next = cutter.cut(rank);
+    if (under_way) under_way->wait();
+    return next;
+  };
+  for (int rank = 1; rank < ranks; ++rank) under_way.emplace(cut(rank)).send(comm, rank);
+  return cut(0);
 }
 
 void check_mesh(const PolyMesh& serial) {
@@ -105,8 +138,7 @@ DistributedMesh distribute_by(MPI_Comm comm, PolyMesh&& serial, const PartitionO
   } else if (mpi::rank(comm) == 0) {
     mine = cut_and_send(comm, whole, part, options);
   } else {
-    Unpacker unpacker(receive(comm, 0));
-    visit_fields(unpacker, mine);
+    mine = receive_part(comm, 0);
   }
   mine.comm = comm;
   return mine;

@@ -1,8 +1,11 @@
-// A mesh part as one run of bytes, for sending. Packer and Unpacker visit the same list of fields in the same order.
+// A mesh part in pieces, for sending: its short fields as one run of bytes, long arrays as they are. Packer and Unpacker visit the same list of
+// fields in the same order.
 #pragma once
 
 #include <cstddef>
 #include <cstring>
+#include <functional>
+#include <span>
 #include <string>
 #include <type_traits>
 #include <utility>
@@ -16,37 +19,49 @@ namespace polyslip::mesh {
 template <class T>
 constexpr bool sent_as_bytes = std::is_trivially_copyable_v<T> || std::is_same_v<T, Vec3>;
 
+inline constexpr std::size_t longest_packed = 1 << 14;  ///< Bytes of an array; longer ones are not worth a copy.
+
 class Packer {
  public:
+  explicit Packer(std::size_t longest = longest_packed) : longest_(longest) {}
+
   template <class T>
   void operator()(const T& value) {
     static_assert(sent_as_bytes<T>);
-    append(&value, sizeof(T));
+    append(std::as_bytes(std::span(&value, 1)));
   }
   template <class T>
   void operator()(const std::vector<T>& values) {
     static_assert(sent_as_bytes<T>);
     (*this)(values.size());
-    append(values.data(), values.size() * sizeof(T));
+    const auto bytes = std::as_bytes(std::span(values));
+    if (bytes.size() > longest_)
+      arrays_.push_back(bytes);
+    else
+      append(bytes);
   }
-  void operator()(const std::string& text) { (*this)(std::vector<char>(text.begin(), text.end())); }
+  void operator()(const std::string& text) {
+    (*this)(text.size());
+    append(std::as_bytes(std::span(text)));
+  }
   void operator()(const std::vector<std::string>& texts) {
     (*this)(texts.size());
     for (const auto& text : texts) (*this)(text);
   }
   [[nodiscard]] const std::vector<std::byte>& bytes() const { return bytes_; }
+  [[nodiscard]] const std::vector<std::span<const std::byte>>& arrays() const { return arrays_; }  ///< The long ones, in the memory of what was packed.
 
  private:
-  void append(const void* data, std::size_t size) {
-    const auto* begin = static_cast<const std::byte*>(data);
-    if (size > 0) bytes_.insert(bytes_.end(), begin, begin + size);
-  }
+  void append(std::span<const std::byte> bytes) { bytes_.insert(bytes_.end(), bytes.begin(), bytes.end()); }
+  std::size_t longest_;
   std::vector<std::byte> bytes_;
+  std::vector<std::span<const std::byte>> arrays_;
 };
 
 class Unpacker {
  public:
-  explicit Unpacker(std::vector<std::byte> bytes) : bytes_(std::move(bytes)) {}
+  /// `fetch(bytes)` fills the next long array.
+  Unpacker(std::vector<std::byte> bytes, std::function<void(std::span<std::byte>)> fetch) : bytes_(std::move(bytes)), fetch_(std::move(fetch)) {}
 
   template <class T>
   void operator()(T& value) {
@@ -57,7 +72,11 @@ class Unpacker {
   void operator()(std::vector<T>& values) {
     static_assert(sent_as_bytes<T>);
     values.resize(take_size());
-    take(values.data(), values.size() * sizeof(T));
+    const auto bytes = std::as_writable_bytes(std::span(values));
+    if (bytes.size() > longest_packed)
+      fetch_(bytes);
+    else
+      take(bytes.data(), bytes.size());
   }
   void operator()(std::string& text) {
     text.resize(take_size());
@@ -79,6 +98,7 @@ class Unpacker {
     read_ += size;
   }
   std::vector<std::byte> bytes_;
+  std::function<void(std::span<std::byte>)> fetch_;
   std::size_t read_ = 0;
 };
 

@@ -57,7 +57,7 @@ PolyMesh read_whole(const fs::path& file) {
 struct FieldList {
   template <class T>
   void operator()(const T& field) {
-    Packer packer;
+    Packer packer(std::numeric_limits<std::size_t>::max());
     packer(field);
     fields.push_back(packer.bytes());
   }
