@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <iterator>
 #include <limits>
 #include <utility>
 
@@ -39,29 +40,31 @@ void assign_laws(const mesh::DistributedMesh& mesh, const physics::MechanicsProb
   }
 }
 
-/// Appends the entities of displacements, of which those of an entity follow on one another.
-void append_entities_of(std::span<const Index> displacements, const Layout& layout, std::vector<Index>& entities) {
-  for (std::size_t i = 0; i < displacements.size(); i += static_cast<std::size_t>(layout.width(entities.back())))
-    entities.push_back(layout.entity_of(displacements[i]));
-}
-
-/// Entities of each cell, and then of the condensed block of each + cell.
-Csr entity_groups(const mesh::DistributedMesh& mesh, const Layout& layout, const ContactCells& contact) {
+/// Entities of the condensed block of each + cell.
+Csr contact_entities(const Layout& layout, const ContactCells& contact) {
   Csr groups;
-  const auto end_row = [&] { groups.offsets.push_back(static_cast<Index>(groups.values.size())); };
-  for (Index cell = 0; cell < mesh.mesh.n_cells(); ++cell) {
-    layout.visit_entities(mesh.mesh, cell, [&](Index entity) { groups.values.push_back(entity); });
-    end_row();
-  }
   for (Index p = 0; p < contact.size(); ++p) {
-    append_entities_of(contact.displacements(p), layout, groups.values);
-    end_row();
+    const auto displacements = contact.displacements(p);
+    for (std::size_t i = 0; i < displacements.size(); i += static_cast<std::size_t>(layout.width(groups.values.back())))
+      groups.values.push_back(layout.entity_of(displacements[i]));
+    groups.offsets.push_back(static_cast<Index>(groups.values.size()));
   }
   return groups;
 }
 
+/// Entities of each cell, and then those of the + cells.
+Csr entity_groups(const mesh::DistributedMesh& mesh, const Layout& layout, const Csr& contact) {
+  Csr groups;
+  for (Index cell = 0; cell < mesh.mesh.n_cells(); ++cell) {
+    layout.visit_entities(mesh.mesh, cell, [&](Index entity) { groups.values.push_back(entity); });
+    groups.offsets.push_back(static_cast<Index>(groups.values.size()));
+  }
+  for (Index p = 0; p < contact.rows(); ++p) groups.push_row(contact[p]);
+  return groups;
+}
+
 /// Couplings of each owned entity: all entities of the cells that see it, and of the + cells whose condensed block holds it.
-Csr matrix_graph(const mesh::DistributedMesh& mesh, const Layout& layout, const ContactCells& contact) {
+Csr matrix_graph(const mesh::DistributedMesh& mesh, const Layout& layout, const Csr& contact) {
   const Csr groups = entity_groups(mesh, layout, contact);
   const Index owned = layout.owned_entities();
   Csr groups_of;  // by owned entity
@@ -140,12 +143,14 @@ class CellBlocks {
   std::vector<double> masked_;
 };
 
-/// Adds the blocks of a cell in the rows (owned entities) that are `wanted`.
-void add_rows(const CellBlocks& cell, std::span<const char> wanted, la::BlockMatrix& matrix) {
+/// Adds the blocks of a cell in the rows (owned entities) that are `wanted`; `places` are those in all of its owned rows.
+void add_rows(const CellBlocks& cell, std::span<const char> wanted, std::span<const Index> places, la::BlockMatrix& matrix) {
   const auto entities = cell.entities();
+  auto place = places.begin();
   for (std::size_t k = 0; k < entities.size(); ++k) {
-    if (entities[k] >= matrix.owned() || wanted[entities[k]] == 0) continue;
-    for (std::size_t l = 0; l < entities.size(); ++l) matrix.add(entities[k], entities[l], cell.block(k, l), cell.width());
+    if (entities[k] >= matrix.owned()) continue;
+    for (std::size_t l = 0; l < entities.size(); ++l, ++place)
+      if (wanted[entities[k]] != 0) matrix.add_at(*place, entities[k], entities[l], cell.block(k, l), cell.width());
   }
 }
 
@@ -262,13 +267,13 @@ std::vector<Index> MechanicsSystem::bulk_cells(Wanted&& wanted) const {
 }
 
 void MechanicsSystem::assemble_bulk() {
-  for (Index p = 0; p < cells_.size(); ++p)
-    for (Index i : cells_.displacements(p))
-      if (i < layout_.displacement_size()) contact_rows_.push_back(layout_.entity_of(i));
+  contact_entities_ = contact_entities(layout_, cells_);
+  std::copy_if(contact_entities_.values.begin(), contact_entities_.values.end(), std::back_inserter(contact_rows_),
+               [&](Index entity) { return entity < layout_.owned_entities(); });
   std::sort(contact_rows_.begin(), contact_rows_.end());
   contact_rows_.erase(std::unique(contact_rows_.begin(), contact_rows_.end()), contact_rows_.end());
   constexpr double flattest_mirrored = 1e4;  // beyond, fewer digits are left
-  const Csr graph = matrix_graph(mesh_, layout_, cells_);
+  const Csr graph = matrix_graph(mesh_, layout_, contact_entities_);
   if (mpi::any(mesh_.comm, sum_up_bulk(graph, physics::Blocks::lower) > flattest_mirrored)) sum_up_bulk(graph, physics::Blocks::all);
   describe_fields();
   const auto is_contact_row = [this](Index row) { return std::binary_search(contact_rows_.begin(), contact_rows_.end(), row); };
@@ -311,10 +316,23 @@ void MechanicsSystem::create_matrix(Wanted&& wanted) {
     graph.push_row(row);
   }
   matrix_ = std::make_unique<la::BlockMatrix>(layout_.matrix_layout(), graph);
+  find_contact_places();
   la::replace_operations(matrix_->get(), operations_);
   if (layout_.bubbles() == spaces::Bubbles::fracture) POLYSLIP_PETSC(MatSetNearNullSpace(matrix_->get(), modes_));
   write_bulk();
   kernels_.add_bytes(la::Kernel::insertion, 2 * bytes_of_entries(matrix_->get()));  // read from A, written
+}
+
+void MechanicsSystem::find_contact_places() {
+  contact_places_ = {};
+  std::vector<Index> places;
+  for (Index p = 0; p < cells_.size(); ++p) {
+    places.clear();
+    for (const Index row : std::as_const(contact_entities_)[p])
+      for (const Index column : std::as_const(contact_entities_)[p])
+        if (row < layout_.owned_entities()) places.push_back(matrix_->place(row, column));
+    contact_places_.push_row(places);
+  }
 }
 
 void MechanicsSystem::hold_all_rows() {
@@ -374,8 +392,8 @@ void MechanicsSystem::write_contact_rows(MatrixContent content) {
   std::vector<char> is_new(static_cast<std::size_t>(layout_.owned_entities()), 0);
   for (Index p = 0; p < cells_.size(); ++p)
     if (all || cells_.has_changed(p) || (content != content_ && cells_.differs(p)))
-      for (Index i : cells_.displacements(p))
-        if (i < layout_.displacement_size()) is_new[layout_.entity_of(i)] = 1;
+      for (const Index entity : std::as_const(contact_entities_)[p])
+        if (entity < layout_.owned_entities()) is_new[entity] = 1;
   matrix_->begin_writing();
   auto saved = bulk_rows_.begin();
   for (Index row : contact_rows_)
@@ -384,13 +402,11 @@ void MechanicsSystem::write_contact_rows(MatrixContent content) {
       saved += static_cast<std::ptrdiff_t>(values.size());
     }
   CellBlocks blocks(layout_, fixed());
-  std::vector<Index> entities;
   for (Index p = 0; content != MatrixContent::bulk && p < cells_.size(); ++p) {
-    entities.clear();
-    append_entities_of(cells_.displacements(p), layout_, entities);
+    const auto entities = std::as_const(contact_entities_)[p];
     if (std::none_of(entities.begin(), entities.end(), [&](Index i) { return i < layout_.owned_entities() && is_new[i] != 0; })) continue;
     blocks.assign(entities, condensed_block(p, content), cells_.block_size(p));
-    add_rows(blocks, is_new, *matrix_);
+    add_rows(blocks, is_new, std::as_const(contact_places_)[p], *matrix_);
   }
   matrix_->end_writing();
   content_ = content;

@@ -168,6 +168,7 @@ class MechanicsSystem {
   /// P = A, of which the rows that are `wanted` are held.
   template <class Wanted>
   void create_matrix(Wanted&& wanted);
+  void find_contact_places();
   void write_bulk();
   void diagonal(Vec y) const;  ///< Of P.
   /// Cells without a block to condense whose displacements are `wanted`.
@@ -199,6 +200,8 @@ class MechanicsSystem {
   la::KernelLog kernels_{"rock"};
   la::Handle<MatNullSpace> modes_;  ///< Of rigid bodies.
   la::Handle<IS> nodal_field_, normal_field_;
+  Csr contact_entities_;             ///< Entities of the condensed block of each + cell,
+  Csr contact_places_;               ///< and the places of its blocks in P, row by row of owned entities.
   std::vector<Index> contact_rows_;  ///< Owned entities whose rows + cells touch.
   std::vector<double> bulk_rows_;    ///< Their values in A, in order.
   std::vector<double> bulk_diagonal_;  ///< Of A, owned displacements; 0 where prescribed [N/m].

@@ -56,16 +56,19 @@ class BlockMatrix {
     Index step;  ///< From one row to the next.
   };
   /// Of owned entity `row` and local entity `col`.
-  [[nodiscard]] Slot slot(Index row, Index col) {
-    Part& part = col < owned_ ? diagonal_ : offdiagonal_;
-    return part.slot(row, part.places.find(part.columns, row, col < owned_ ? col : ghost_position_[col - owned_]));
+  [[nodiscard]] Slot slot(Index row, Index col) { return part_of(col).slot(row, place(row, col)); }
+  /// What of the search for a slot lasts as long as the matrix, for who adds to a block again and again.
+  [[nodiscard]] Index place(Index row, Index col) {
+    Part& part = part_of(col);
+    return part.places.find(part.columns, row, col < owned_ ? col : ghost_position_[col - owned_]);
   }
   /// Of an owned row and its k-th column that is owned, too.
   [[nodiscard]] Slot owned_slot(Index row, Index k) { return diagonal_.slot(row, diagonal_.columns.offsets[row] + k); }
   /// Adds to the block of owned entity `row` and local entity `col`; block points at entry (0, 0) of a row-major matrix with
   /// `stride` columns.
-  void add(Index row, Index col, const double* block, int stride) {
-    const Slot to = slot(row, col);
+  void add(Index row, Index col, const double* block, int stride) { add_at(place(row, col), row, col, block, stride); }
+  void add_at(Index place, Index row, Index col, const double* block, int stride) {
+    const Slot to = part_of(col).slot(row, place);
     const int rows = width(row), columns = width(col);
     if (rows == 3 && columns == 3) return add_square<3>(to, block, stride);
     if (rows == 2 && columns == 2) return add_square<2>(to, block, stride);
@@ -116,6 +119,7 @@ class BlockMatrix {
     for (int a = 0; a < n; ++a)
       for (int b = 0; b < n; ++b) slot.values[a * slot.step + b] += block[a * stride + b];
   }
+  [[nodiscard]] Part& part_of(Index col) { return col < owned_ ? diagonal_ : offdiagonal_; }
   void add_graph_row(Index row, std::span<const Index> graph);
   void create(const Layout& layout, std::span<const GlobalIndex> sorted_ghosts);
 
