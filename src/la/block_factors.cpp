@@ -96,17 +96,17 @@ class FactorsOf final : public BlockFactors {
   bool update(Mat matrix, const std::vector<PetscInt>& rows) override { return factorise_rows(matrix, turns_near(rows)); }
 
   void solve(const Values& r, Values& z) override {
-    for (Index i = ghosts_; i < border_; ++i) forward(i, r);
+    forward(ghosts_, border_, r);
     for (const Border& border : before_) receive_lanes(border, forward_, set);
-    for (Index i = border_; i < end_; ++i) forward(i, r);
+    forward(border_, end_, r);
     for (Border& border : after_) send_lanes(border, forward_);
     exchange_.finish();  // the others wait for it, and it need not go on its way without this rank's help
     std::fill(z.begin(), z.end(), 0.0F);
     for (const Border& border : after_) receive_lanes(border, z, add);
-    for (Index i = end_ - 1; i >= border_; --i) backward(i, z);
+    backward(border_, end_, z);
     for (Border& border : before_) send_lanes(border, z);
     exchange_.finish();
-    for (Index i = border_ - 1; i >= ghosts_; --i) backward(i, z);
+    backward(ghosts_, border_, z);
   }
 
   void multiply(const Values& x, Values& y) override {
@@ -241,7 +241,7 @@ class FactorsOf final : public BlockFactors {
       const Lanes factor = lanes(x);
       for (int r = 0; r < b; ++r) lanes_of_row[r] += lanes(block + r * b) * factor;
     }
-    [[nodiscard]] Lanes value() const {
+    [[nodiscard, gnu::always_inline]] Lanes value() const {
       Lanes y = Lanes::Zero();
       if constexpr (width < 4) {
         for (int r = 0; r < b; ++r) y[r] = lanes_of_row[r].sum();
@@ -602,32 +602,36 @@ class FactorsOf final : public BlockFactors {
     return true;
   }
 
-  /// (I + L) y = r
-  void forward(Index i, const Values& r) {
-    Sums sums;
+  /// (I + L) y = r, for rows that follow one another.
+  POLYSLIP_BY_PROCESSOR void forward(Index first, Index last, const Values& r) {
     float* const y = forward_.data();
-    const Half* block = at(values_, lower_.offsets[i], size);
-    prefetch(block, at(values_, lower_.offsets[i + 1], size));
-    for (const Index j : std::as_const(lower_)[i]) {
-      sums.add(block, node(y, j));
-      block += size;
+    for (Index i = first; i < last; ++i) {
+      Sums sums;
+      const Half* block = at(values_, lower_.offsets[i], size);
+      prefetch(block, at(values_, lower_.offsets[i + 1], size));
+      for (const Index j : std::as_const(lower_)[i]) {
+        sums.add(block, node(y, j));
+        block += size;
+      }
+      lanes(node(y, i)) = lanes(at(r, i, width)) - sums.value();
     }
-    lanes(node(y, i)) = lanes(at(r, i, width)) - sums.value();
   }
 
-  /// D (I + L)^T z = y, and to the rows below what they lose by z_i.
-  void backward(Index i, Values& z) {
-    Sums sums;
-    sums.add(at(inverse_, i, size), at(forward_, i, width));
+  /// D (I + L)^T z = y, and to the rows below what they lose by z_i; from the last row to the first.
+  POLYSLIP_BY_PROCESSOR void backward(Index first, Index last, Values& z) {
     float* const values = z.data();
-    const Lanes z_i = lanes(node(values, i)) + sums.value();
-    lanes(node(values, i)) = z_i;
-    const std::span<const Index> lower = std::as_const(lower_)[i];
-    const Half* block = at(values_, lower_.offsets[i + 1], size);
-    prefetch(at(values_, lower_.offsets[i], size), block, -two_pages);
-    for (auto j = lower.rbegin(); j != lower.rend(); ++j) {  // downwards in memory throughout, for its prefetcher
-      block -= size;
-      lanes(node(values, *j)) -= transposed(block, z_i);
+    for (Index i = last - 1; i >= first; --i) {
+      Sums sums;
+      sums.add(at(inverse_, i, size), at(forward_, i, width));
+      const Lanes z_i = lanes(node(values, i)) + sums.value();
+      lanes(node(values, i)) = z_i;
+      const std::span<const Index> lower = std::as_const(lower_)[i];
+      const Half* block = at(values_, lower_.offsets[i + 1], size);
+      prefetch(at(values_, lower_.offsets[i], size), block, -two_pages);
+      for (auto j = lower.rbegin(); j != lower.rend(); ++j) {  // downwards in memory throughout, for its prefetcher
+        block -= size;
+        lanes(node(values, *j)) -= transposed(block, z_i);
+      }
     }
   }
 

@@ -144,22 +144,22 @@ void BlockOperator::multiply_some_nodes(std::span<const Index> rows, std::span<c
 
 /// y_i = sum_j A_ij x_j, and to the rows above what they get from x_i.
 template <int b>
-void BlockOperator::multiply_row(Index i, const double* x, double* y) const {
+inline void BlockOperator::multiply_row(Index i, const double* x, double* y) const {
   Sums<b> sums;
-  const Lanes<b> x_i = lanes<b>(node<b>(x, i));
+  Lanes<b> x_i, transposed;
+  load<b>(node<b>(x, i), x_i);
   Index k = columns_.offsets[i];
   const double* block = values_.data() + first_value(k);
   prefetch(block, values_.data() + first_value(columns_.offsets[i + 1]));
   for (const Index end = k + mirrored_[static_cast<std::size_t>(i)]; k < end; ++k, block += b * b) {
     const Index j = columns_.values[static_cast<std::size_t>(k)];
     sums.add(block, node<b>(x, j));
-    Lanes<b> transposed = lanes<b>(block) * x_i[0];
-    for (int r = 1; r < b; ++r) transposed += lanes<b>(block + r * b) * x_i[r];
-    lanes<b>(node<b>(y, j)) += transposed;
+    multiply_transposed<b>(block, x_i, transposed);
+    add_to<b>(node<b>(y, j), transposed);
   }
   for (const Index end = columns_.offsets[i + 1]; k < end; ++k, block += b * b)
     sums.add(block, node<b>(x, columns_.values[static_cast<std::size_t>(k)]));
-  for (int r = 0; r < b; ++r) node<b>(y, i)[r] = sums.of_row[r].sum();
+  for (int r = 0; r < b; ++r) node<b>(y, i)[r] = sums.value(r);
 }
 
 void BlockOperator::multiply_unlike(std::span<const double> x, std::span<double> y) const {

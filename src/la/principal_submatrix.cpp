@@ -95,16 +95,20 @@ void PrincipalSubmatrix::multiply(Vec x, Vec y) {
   const auto chosen = static_cast<Index>(nodes_.size());
   for (Index k = 0; k < chosen; ++k) std::copy_n(from.data() + k * b, b, node<b>(x_.data(), k));
   if (fetch_ != nullptr) fetch_ghosts<b>(from.data());
-  const VecWrite to(y);
+  multiply_rows<b>(VecWrite(y).data());
+}
+
+template <int b>
+void PrincipalSubmatrix::multiply_rows(double* y) const {
   const double* block = values_.data();
-  for (Index k = 0; k < chosen; ++k) {
+  for (Index k = 0; k < static_cast<Index>(nodes_.size()); ++k) {
     Sums<b> sums;
     prefetch(block, block + static_cast<std::ptrdiff_t>(columns_.row_size(k)) * b * b);
     for (const Index column : std::as_const(columns_)[k]) {
       sums.add(block, node<b>(x_.data(), column));
       block += b * b;
     }
-    for (int r = 0; r < b; ++r) to[k * b + r] = sums.of_row[r].sum();
+    for (int r = 0; r < b; ++r) y[k * b + r] = sums.value(r);
   }
 }
 

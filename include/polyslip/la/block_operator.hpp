@@ -16,6 +16,7 @@
 
 #include "polyslip/common/types.hpp"
 #include "polyslip/la/block_matrix.hpp"
+#include "polyslip/la/lanes.hpp"
 
 namespace polyslip::la {
 
@@ -104,11 +105,11 @@ class BlockOperator {
   template <int b>
   void write_blocks(BlockMatrix& matrix) const;
   template <int b>
-  void multiply_nodes(std::span<const double> x, std::span<double> y);
+  POLYSLIP_BY_PROCESSOR void multiply_nodes(std::span<const double> x, std::span<double> y);
   template <int b>
-  void multiply_some_nodes(std::span<const Index> rows, std::span<const double> x, std::span<double> y);
+  POLYSLIP_BY_PROCESSOR void multiply_some_nodes(std::span<const Index> rows, std::span<const double> x, std::span<double> y);
   template <int b>
-  void multiply_row(Index i, const double* x, double* y) const;
+  [[gnu::always_inline]] void multiply_row(Index i, const double* x, double* y) const;
   void multiply_unlike(std::span<const double> x, std::span<double> y) const;
 
   Index owned_;

@@ -7,6 +7,7 @@
 #include "polyslip/common/types.hpp"
 #include "polyslip/la/aij_parts.hpp"
 #include "polyslip/la/handle.hpp"
+#include "polyslip/la/lanes.hpp"
 
 namespace polyslip::la {
 
@@ -35,6 +36,9 @@ class PrincipalSubmatrix {
   void copy_blocks();
   template <int b>
   void multiply(Vec x, Vec y);
+  /// The rows of the chosen nodes times `x_`.
+  template <int b>
+  POLYSLIP_BY_PROCESSOR void multiply_rows(double* y) const;
   template <int b>
   void fetch_ghosts(const double* x);
 
