@@ -31,10 +31,11 @@ void VemCell::add_face(Index face) {
   const std::span<const Vec3> g = weights_of(face);
   const double sign = mesh_.orientation(cell_, face);
   Vec3 area_vector = Vec3::Zero();
-  nodes_of_faces_ += static_cast<int>(g.size());
-  for (std::size_t i = 0; i < g.size(); ++i) {
+  const std::size_t step = g.size() == 1 ? 0 : 1;
+  nodes_of_faces_ += static_cast<int>(face_nodes.size());
+  for (std::size_t i = 0; i < face_nodes.size(); ++i) {
     const auto s = static_cast<std::size_t>(std::find(cell_nodes.begin(), cell_nodes.end(), face_nodes[i]) - cell_nodes.begin());
-    const Vec3 outward = sign * g[i];
+    const Vec3 outward = sign * g[step * i];
     c_[s] += outward;
     area_vector += outward;
     volume_ += outward.dot(offsets_[s]);
