@@ -17,6 +17,7 @@
 #include <vector>
 
 #include "polyslip/common/mpi.hpp"
+#include "polyslip/common/processor.hpp"
 #include "polyslip/common/types.hpp"
 #include "polyslip/la/aij_parts.hpp"
 #include "polyslip/la/block_operator.hpp"

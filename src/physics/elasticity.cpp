@@ -6,6 +6,7 @@
 #include <cmath>
 
 #include "polyslip/common/error.hpp"
+#include "polyslip/common/processor.hpp"
 
 namespace polyslip::physics {
 
@@ -44,7 +45,7 @@ void write_block(const spaces::VemCell& cell, int j, int k, const Eigen::Matrix<
 }
 
 template <int dim>
-void stiffness(const spaces::VemCell& cell, const Lame& lame, double gamma, std::span<double> matrix, Blocks blocks) {
+POLYSLIP_BY_PROCESSOR void stiffness(const spaces::VemCell& cell, const Lame& lame, double gamma, std::span<double> matrix, Blocks blocks) {
   using VecD = Eigen::Matrix<double, dim, 1>;
   using Block = Eigen::Matrix<double, dim, dim>;
   const int n = cell.n_nodes(), m = cell.size(), width = cell.components();

@@ -14,9 +14,9 @@
 #include <span>
 #include <vector>
 
+#include "polyslip/common/processor.hpp"
 #include "polyslip/common/types.hpp"
 #include "polyslip/la/block_matrix.hpp"
-#include "polyslip/la/lanes.hpp"
 
 namespace polyslip::la {
 

@@ -8,14 +8,6 @@
 
 #include "polyslip/common/types.hpp"
 
-/// Before a loop that processors with AVX2 and fused multiply-add do faster: compiled for these as well, and the loader takes what is right. For
-/// functions of their own only, as they are no longer put in line.
-#if defined(__x86_64__) && defined(__linux__) && defined(__GNUC__) && !defined(__clang__) && __GNUC__ >= 12 && !defined(__SANITIZE_ADDRESS__)
-#define POLYSLIP_BY_PROCESSOR [[gnu::target_clones("default", "arch=x86-64-v3")]]
-#else
-#define POLYSLIP_BY_PROCESSOR
-#endif
-
 namespace polyslip::la {
 
 constexpr std::ptrdiff_t two_pages = 8192;  ///< [bytes]

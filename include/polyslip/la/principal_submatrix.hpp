@@ -4,10 +4,10 @@
 
 #include <vector>
 
+#include "polyslip/common/processor.hpp"
 #include "polyslip/common/types.hpp"
 #include "polyslip/la/aij_parts.hpp"
 #include "polyslip/la/handle.hpp"
-#include "polyslip/la/lanes.hpp"
 
 namespace polyslip::la {
 
