@@ -163,9 +163,9 @@ void CoupledSystem::couple_bulk_cells() {
   std::vector<Index> row;
   for (Index cell = 0; cell < mesh().mesh.n_cells(); ++cell) {
     if (cells().contains(cell) || flow_.rock()[cell].biot == 0) continue;
+    if (cell >= mesh().cells.owned && !is_ours(cell)) continue;
     row.assign({cell});
     layout().append_displacements(mesh().mesh, cell, row);
-    if (cell >= mesh().cells.owned && !is_ours(std::span<const Index>(row).subspan(1))) continue;
     vem.build(cell);
     bulk_cells_.push_row(row);
     append_divergence(vem, layout().dim(), flow_.rock()[cell].biot * vem.volume(), biot_);

@@ -26,9 +26,11 @@ bool is_zero(const std::array<Expression, 3>& f, int dim) {
 std::vector<Vec3> points_of_copies(const mesh::DistributedMesh& mesh) {
   const mesh::PolyMesh& m = mesh.mesh;
   std::vector<Vec3> points;
-  for (Index s : m.copy_node) points.push_back(m.nodes[s]);
-  std::vector<Index> copies_at(static_cast<std::size_t>(m.n_nodes()), 0), seen(points.size(), 0);
-  for (Index s : m.copy_node) ++copies_at[s];
+  std::vector<Index> copies_at(static_cast<std::size_t>(m.n_nodes()), 0), seen(m.copy_node.size(), 0);
+  for (Index s : m.copy_node) {
+    points.push_back(m.nodes[s]);
+    ++copies_at[s];
+  }
   const auto is_split = [&](Index copy) { return copies_at[m.copy_node[copy]] > 1; };
   std::vector<Vec3> inward(points.size(), Vec3::Zero());
   for (Index cell = 0; cell < m.n_cells(); ++cell) {

@@ -255,13 +255,7 @@ template <class Wanted>
 std::vector<Index> MechanicsSystem::bulk_cells(Wanted&& wanted) const {
   std::vector<Index> chosen;
   for (Index cell = 0; cell < mesh_.mesh.n_cells(); ++cell) {
-    if (cells_.contains(cell)) continue;
-    bool is_ours = false, is_wanted = false;
-    layout_.visit_entities(mesh_.mesh, cell, [&](Index entity) {
-      is_ours = is_ours || entity < layout_.owned_entities();
-      is_wanted = is_wanted || wanted(entity);
-    });
-    if (is_ours && is_wanted) chosen.push_back(cell);
+    if (!cells_.contains(cell) && is_ours(cell) && wanted(cell)) chosen.push_back(cell);
   }
   return chosen;
 }
@@ -327,10 +321,10 @@ void MechanicsSystem::find_contact_places() {
   contact_places_ = {};
   std::vector<Index> places;
   for (Index p = 0; p < cells_.size(); ++p) {
+    const auto entities = std::as_const(contact_entities_)[p];
     places.clear();
-    for (const Index row : std::as_const(contact_entities_)[p])
-      for (const Index column : std::as_const(contact_entities_)[p])
-        if (row < layout_.owned_entities()) places.push_back(matrix_->place(row, column));
+    for (const Index row : entities)
+      for (std::size_t k = 0; row < layout_.owned_entities() && k < entities.size(); ++k) places.push_back(matrix_->place(row, entities[k]));
     contact_places_.push_row(places);
   }
 }
@@ -369,8 +363,10 @@ void MechanicsSystem::multiply_whole_rows() {
   write_bulk();
 }
 
-bool MechanicsSystem::is_ours(std::span<const Index> displacements) const {
-  return std::any_of(displacements.begin(), displacements.end(), [&](Index i) { return i < layout_.displacement_size(); });
+bool MechanicsSystem::is_ours(Index cell) const {
+  bool is = false;
+  layout_.visit_entities(mesh_.mesh, cell, [&](Index entity) { is = is || entity < layout_.owned_entities(); });
+  return is;
 }
 
 void MechanicsSystem::describe_fields() {
@@ -423,12 +419,13 @@ void MechanicsSystem::set_loads(Loads loads) {
 
 void MechanicsSystem::compute_lift() {
   lift_.assign(static_cast<std::size_t>(layout_.displacement_size()), 0.0);
-  const std::vector<Index> cells = bulk_cells([&](Index entity) {
-    const auto first = loads_.dirichlet.begin() + layout_.first_displacement(entity);
-    return std::any_of(first, first + layout_.width(entity), [](double value) { return value != 0; });
+  std::vector<Index> displacements;
+  const std::vector<Index> cells = bulk_cells([&](Index cell) {
+    displacements.clear();
+    layout_.append_displacements(mesh_.mesh, cell, displacements);
+    return std::any_of(displacements.begin(), displacements.end(), [&](Index i) { return loads_.dirichlet[i] != 0; });
   });
   la::KernelLog log("lift");
-  std::vector<Index> displacements;
   visit_stiffness(*this, cells, physics::Blocks::all, nullptr, log, [&](const StiffnessSlot& slot) {
     displacements.clear();
     for (const Index entity : slot.entities) layout_.append_components(entity, displacements);

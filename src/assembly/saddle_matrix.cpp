@@ -42,13 +42,13 @@ void visit_entries(const MechanicsSystem& system, const SaddleNumbers& numbers, 
   // Bulk.
   const la::BlockOperator& bulk = system.bulk();
   for (Index entity = 0; entity < layout.owned_entities(); ++entity) {
-    const Index first = bulk.first_component(entity);
+    const Index first = layout.first_displacement(entity);
     for (Index row = first; row < first + layout.width(entity); ++row)
       if (fixed[row]) insert(numbers.displacement[row], numbers.displacement[row], 1.0);
     bulk.visit_row(entity, [&](Index other, const double* block, int columns) {
       for (int r = 0; r < layout.width(entity); ++r)
         for (int c = 0; c < columns && !fixed[first + r]; ++c)
-          insert(numbers.displacement[first + r], numbers.displacement[bulk.first_component(other) + c], block[r * columns + c]);
+          insert(numbers.displacement[first + r], numbers.displacement[layout.first_displacement(other) + c], block[r * columns + c]);
     });
   }
 

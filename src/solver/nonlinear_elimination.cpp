@@ -112,7 +112,7 @@ void NonlinearElimination::mark_neighbours(const std::vector<PetscInt>& rows) {
   for (const Index entity : entities_of(rows)) {
     columns.clear();
     system_.bulk().visit_columns(entity, [&](Index other) {
-      const PetscInt first = layout.global(system_.bulk().first_component(other));
+      const PetscInt first = layout.global(layout.first_displacement(other));
       for (int c = 0; c < layout.width(other); ++c) columns.push_back(first + c);
     });
     const std::vector<PetscScalar> ones(columns.size(), 1);

@@ -85,8 +85,8 @@ double VemCell::flops() const {
                + 8 * n * (n - 1) / 2        // pairs of nodes: difference 3, square 5
                + 3.0 * size() + 2;          // gradient weights over |K|; root, |K|
   sum += 15.0 * nodes_of_faces_;              // sign, c, area vector and volume: 3 + 3 + 3 + 6 a node of a face
-  for (Index face : weights_ == nullptr ? mesh_.cell_faces[cell_] : std::span<const Index>())
-    sum += geometry::vector_weights_flops(mesh_.dim, mesh_.face_nodes.row_size(face));
+  if (weights_ != nullptr) return sum;
+  for (Index face : mesh_.cell_faces[cell_]) sum += geometry::vector_weights_flops(mesh_.dim, mesh_.face_nodes.row_size(face));
   return sum;
 }
 

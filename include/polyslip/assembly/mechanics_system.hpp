@@ -158,7 +158,7 @@ class MechanicsSystem {
   [[nodiscard]] std::span<const double> condensed_block(Index p, MatrixContent content) const {
     return content == MatrixContent::exact ? cells_.block(p) : cells_.symmetric_block(p);
   }
-  [[nodiscard]] bool is_ours(std::span<const Index> displacements) const;  ///< Whether this rank owns one of them.
+  [[nodiscard]] bool is_ours(Index cell) const;  ///< Whether this rank owns some of its displacements.
   [[nodiscard]] MatrixContent content() const { return content_; }
 
  private:
@@ -171,7 +171,7 @@ class MechanicsSystem {
   void find_contact_places();
   void write_bulk();
   void diagonal(Vec y) const;  ///< Of P.
-  /// Cells without a block to condense whose displacements are `wanted`.
+  /// Cells without a block to condense, of which this rank owns displacements, and that are `wanted`.
   template <class Wanted>
   [[nodiscard]] std::vector<Index> bulk_cells(Wanted&& wanted) const;
   void keep_bulk_diagonal();

@@ -25,8 +25,6 @@ class BlockOperator {
   /// Zeros where the graph (as that of a BlockMatrix) has couplings; `by_halves`: without those above the diagonal.
   BlockOperator(const BlockMatrix::Layout& layout, const Csr& graph, bool by_halves);
 
-  /// Of a local entity, as `multiply` counts.
-  [[nodiscard]] Index first_component(Index entity) const { return first_[static_cast<std::size_t>(entity)]; }
   [[nodiscard]] bool by_halves() const { return by_halves_; }
   [[nodiscard]] bool holds(Index row, Index col) const { return row < owned_ && (!by_halves_ || col <= row || col >= owned_); }
   /// Adds to the block of owned entity `row` and local entity `col`, which it holds; entry (a, b) is block[a * row_step + b * column_step].

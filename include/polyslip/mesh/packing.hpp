@@ -23,8 +23,6 @@ inline constexpr std::size_t longest_packed = 1 << 14;  ///< Bytes of an array; 
 
 class Packer {
  public:
-  explicit Packer(std::size_t longest = longest_packed) : longest_(longest) {}
-
   template <class T>
   void operator()(const T& value) {
     static_assert(sent_as_bytes<T>);
@@ -35,7 +33,7 @@ class Packer {
     static_assert(sent_as_bytes<T>);
     (*this)(values.size());
     const auto bytes = std::as_bytes(std::span(values));
-    if (bytes.size() > longest_)
+    if (bytes.size() > longest_packed)
       arrays_.push_back(bytes);
     else
       append(bytes);
@@ -53,7 +51,6 @@ class Packer {
 
  private:
   void append(std::span<const std::byte> bytes) { bytes_.insert(bytes_.end(), bytes.begin(), bytes.end()); }
-  std::size_t longest_;
   std::vector<std::byte> bytes_;
   std::vector<std::span<const std::byte>> arrays_;
 };

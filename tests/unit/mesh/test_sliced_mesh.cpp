@@ -57,9 +57,10 @@ PolyMesh read_whole(const fs::path& file) {
 struct FieldList {
   template <class T>
   void operator()(const T& field) {
-    Packer packer(std::numeric_limits<std::size_t>::max());
+    Packer packer;
     packer(field);
-    fields.push_back(packer.bytes());
+    std::vector<std::byte>& bytes = fields.emplace_back(packer.bytes());
+    for (const auto array : packer.arrays()) bytes.insert(bytes.end(), array.begin(), array.end());
   }
   std::vector<std::vector<std::byte>> fields;
 };
