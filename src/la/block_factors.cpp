@@ -65,7 +65,7 @@ Floats sums_of(const std::array<Floats, 4>& s) {
 }
 
 /// Blocks of b x b entries, row by row. Nodes have turns: first the ghosts of ranks of lower colours, then the nodes of this rank that none
-/// sees, which see no ghosts either, then those that others see.
+/// sees, which see no ghosts either, towards the border, then those that others see.
 template <int b>
 class FactorsOf final : public BlockFactors {
  public:
@@ -180,11 +180,12 @@ class FactorsOf final : public BlockFactors {
     explicit Entries(const AijParts& parts) : own(parts.own), global(parts.global), lent(parts.lent) {
       if (parts.others != nullptr) others.emplace(parts.others);
     }
+    [[nodiscard]] bool is_lent(Index node) const { return lent != nullptr && own.offsets()[node * b] == own.offsets()[(node + 1) * b]; }
   };
   /// Calls visit(turn, row in its block, column in its block, value) for the entries of a node, but for those of later ghosts.
   template <class Visit>
   void visit(const Entries& entries, Index node, Visit&& visit) const {
-    if (entries.lent != nullptr && entries.own.offsets()[node * b] == entries.own.offsets()[(node + 1) * b])
+    if (entries.is_lent(node))
       entries.lent->template visit_own<b>(node, [&](Index column, const double* block, int) {
         const Index turn = turn_of_[static_cast<std::size_t>(column)];
         for (int r = 0; r < b; ++r)
@@ -283,17 +284,33 @@ class FactorsOf final : public BlockFactors {
       return static_cast<Index>(node_at_.size()) - 1;
     };
     append_ghosts(neighbours, colour, numbering, append);
-    const auto append_own = [&](char seen) {
-      for (Index node = 0; node < nodes_; ++node)
-        if (is_seen[static_cast<std::size_t>(node)] == seen) turn_of_[static_cast<std::size_t>(node)] = append(node, first / b + node);
+    const auto append_own = [&](Index node, char seen) {
+      if (is_seen[static_cast<std::size_t>(node)] == seen) turn_of_[static_cast<std::size_t>(node)] = append(node, first / b + node);
     };
-    append_own(0);
+    const bool forwards = leads_to_border(parts, is_seen);
+    for (Index k = 0; k < nodes_; ++k) append_own(forwards ? k : nodes_ - 1 - k, 0);
     border_ = static_cast<Index>(node_at_.size());
-    append_own(1);
+    for (Index node = 0; node < nodes_; ++node) append_own(node, 1);
     end_ = static_cast<Index>(node_at_.size());
     for (Index ghost : ghost_of_column_) turn_of_column_.push_back(numbering.turn_of_ghost[static_cast<std::size_t>(ghost)]);
     add_borders(neighbours, colour, numbering);
     return numbering;
+  }
+
+  /// Whether nodes that others see have their neighbours within before them rather than behind, in the order of the matrix. A node that is
+  /// eliminated when those farther from the border are not yet fills in on both sides: 27 to 31 iterations instead of 26 to 28.
+  static bool leads_to_border(const AijParts& parts, const std::vector<char>& is_seen) {
+    long long before = 0, behind = 0;
+    const Entries entries(parts);
+    for (Index node = 0; node < static_cast<Index>(is_seen.size()); ++node) {
+      if (is_seen[static_cast<std::size_t>(node)] == 0) continue;
+      const auto count = [&](Index j) {
+        if (is_seen[static_cast<std::size_t>(j)] == 0) ++(j < node ? before : behind);
+      };
+      if (entries.is_lent(node)) entries.lent->template visit_own<b>(node, [&](Index j, const double*, int) { count(j); });
+      entries.own.visit(node * b, 1, [&](PetscInt, PetscInt column, PetscScalar) { count(column / b); });
+    }
+    return before >= behind;
   }
 
   /// Returns the ghost of each column of the matrix of others.

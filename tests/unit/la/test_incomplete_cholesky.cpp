@@ -101,6 +101,21 @@ la::Handle<Mat> chains(PetscInt block) {
   return matrix;
 }
 
+/// A chain on each rank. The first two are joined, where one ends and the other begins, and eliminate this without fill if both do so towards
+/// where they meet.
+la::Handle<Mat> chains_that_meet(PetscInt block) {
+  const PetscInt nodes = 8, rank = mpi::rank(PETSC_COMM_WORLD), first = rank * nodes, last = first + nodes - 1;
+  la::Handle<Mat> matrix = matrix_of(nodes, block, nodes * block);
+  for (PetscInt i = first; i <= last; ++i) {
+    std::vector<PetscInt> later;
+    if (rank == 1 ? i > first : i < last) later.push_back(rank == 1 ? i - 1 : i + 1);
+    if (rank == 0 && i == last && mpi::size(PETSC_COMM_WORLD) > 1) later.push_back(i + 1);
+    add_eliminated(matrix, block, i, later);
+  }
+  assemble(matrix);
+  return matrix;
+}
+
 la::Handle<PC> preconditioner(Mat matrix, const char* type, const char* prefix = "", const char* options = "") {
   POLYSLIP_PETSC(la::register_block_icc());
   la::Handle<PC> pc;
@@ -189,13 +204,14 @@ la::Handle<Mat> kershaw() {
 struct block_icc_of_nodes : testing::TestWithParam<PetscInt> {};
 
 TEST_P(block_icc_of_nodes, solves_exactly_where_nothing_is_filled_in_whatever_ranks_the_rows_are_on) {
-  const la::Handle<Mat> matrix = chains(GetParam());
-  const la::Handle<PC> pc = preconditioner(matrix, la::block_icc);
-  const la::Handle<Vec> exact = noise(matrix, 0);
-  la::Handle<Vec> b;
-  POLYSLIP_PETSC(VecDuplicate(exact, b.put()));
-  POLYSLIP_PETSC(MatMult(matrix, exact, b));
-  EXPECT_LT(difference(applied(pc, b), exact), 1e-6);
+  for (const la::Handle<Mat>& matrix : {chains(GetParam()), chains_that_meet(GetParam())}) {
+    const la::Handle<PC> pc = preconditioner(matrix, la::block_icc);
+    const la::Handle<Vec> exact = noise(matrix, 0);
+    la::Handle<Vec> b;
+    POLYSLIP_PETSC(VecDuplicate(exact, b.put()));
+    POLYSLIP_PETSC(MatMult(matrix, exact, b));
+    EXPECT_LT(difference(applied(pc, b), exact), 1e-6);
+  }
 }
 
 TEST_P(block_icc_of_nodes, is_symmetric_and_positive_on_any_number_of_ranks) {
@@ -337,7 +353,7 @@ TEST_P(block_icc_of_nodes, keeps_what_was_factorised_in_full_but_for_the_rows_th
   const la::Handle<Mat> matrix = grid(GetParam(), 1e-3);
   const la::Handle<KSP> twice = factors_of(matrix), once = factors_of(matrix);
   const la::Handle<Vec> b = noise(matrix, 0), before = solved(once, b);
-  const PetscInt node = 6 * 6 * 2;  // in the middle of its rank
+  const PetscInt node = 6 * 6 * 2, far_away = 5 + 6 * 5;  // in the middle of its rank and, on others than the first, at the border
   const std::vector<PetscInt> rows = hold_more(matrix, GetParam(), node, 7);
   la::set_up_for_changed_rows(once, matrix, {});
   EXPECT_EQ(difference(solved(once, b), before), 0);
@@ -350,7 +366,7 @@ TEST_P(block_icc_of_nodes, keeps_what_was_factorised_in_full_but_for_the_rows_th
   EXPECT_GT(difference(after, before), 1e-4);
 
   const auto set_up = [&] {
-    (void)hold_more(matrix, GetParam(), 0, 1);
+    (void)hold_more(matrix, GetParam(), far_away, 1);
     POLYSLIP_PETSC(KSPSetOperators(once, matrix, matrix));
     POLYSLIP_PETSC(KSPSetUp(once));
   };
