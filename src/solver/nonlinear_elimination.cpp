@@ -38,7 +38,7 @@ NonlinearElimination::NonlinearElimination(MechanicsSystem& system)
       direction_(system.create_vector()),
       condensed_rows_(system.create_condensed_vector()),
       condensed_direction_(system.create_condensed_vector()),
-      is_in_(system.layout().create_displacement_vector()),
+      is_asked_(system.layout().create_displacement_vector()),
       most_(system.layout().dim() == 2 ? 0.2 : 1),
       rings_(system.layout().dim() == 2 ? 4 : 2) {
   POLYSLIP_PETSC(PetscOptionsGetReal(nullptr, prefix, "-share", &most_, nullptr));
@@ -69,67 +69,62 @@ void NonlinearElimination::choose_faces() {
 }
 
 /// W of S; false, on all ranks, where it is empty or too large even with the nearest ring.
-bool NonlinearElimination::choose_rows() {
+bool NonlinearElimination::choose_window() {
   const assembly::ContactCells& cells = system_.contact_cells();
-  POLYSLIP_PETSC(VecZeroEntries(is_in_));
+  const assembly::Layout& layout = system_.layout();
+  is_in_.assign(static_cast<std::size_t>(layout.owned_entities()), 0);
+  POLYSLIP_PETSC(VecZeroEntries(is_asked_));
   for (std::size_t face = 0; face < is_unsettled_.size(); ++face)
     if (is_unsettled_[face] && cells.faces()[face].cell >= 0)
-      for (Index i : cells.displacements(cells.faces()[face].cell))
-        POLYSLIP_PETSC(VecSetValue(is_in_, system_.layout().global(i), 1, INSERT_VALUES));
-  std::vector<PetscInt> rows = marked_rows();
+      for (const Index i : cells.displacements(cells.faces()[face].cell)) mark(layout.entity_of(i));
+  std::vector<Index> window = marked();
+  const auto rows_of = [&](const std::vector<Index>& entities) {
+    std::vector<Index> rows;
+    for (const Index entity : entities) layout.append_components(entity, rows);
+    return rows;
+  };
   PetscInt all = 0;
   POLYSLIP_PETSC(MatGetSize(system_.matrix(), &all, nullptr));
-  const auto fits = [&](const std::vector<PetscInt>& some) {
-    const long long size = mpi::sum(system_.mesh().comm, static_cast<long long>(some.size()));
+  const auto fits = [&](const std::vector<Index>& entities) {
+    const long long size = mpi::sum(system_.mesh().comm, static_cast<long long>(rows_of(entities).size()));
     return size > 0 && static_cast<double>(size) <= most_ * static_cast<double>(all);
   };
-  bool is_small = rings_ > 0 || fits(rows);
+  bool is_small = rings_ > 0 || fits(window);
   for (PetscInt ring = 0; ring < rings_; ++ring) {
-    mark_neighbours(rows);
-    std::vector<PetscInt> more = marked_rows();
+    for (const Index entity : window) system_.bulk().visit_columns(entity, [&](Index neighbour) { mark(neighbour); });
+    std::vector<Index> more = marked();
     const bool still_fits = fits(more);
     if (ring == 0) is_small = still_fits;
-    if (ring == 0 || still_fits) rows = std::move(more);
+    if (ring == 0 || still_fits) window = std::move(more);
     if (!still_fits) break;
   }
-  if (mpi::any(system_.mesh().comm, rows != rows_)) forget_window();
-  rows_ = std::move(rows);
+  if (mpi::any(system_.mesh().comm, window != window_)) forget_window();
+  window_ = std::move(window);
+  rows_ = rows_of(window_);
   return is_small;
 }
 
-std::vector<Index> NonlinearElimination::entities_of(const std::vector<PetscInt>& rows) const {
+void NonlinearElimination::mark(Index entity) {
+  const assembly::Layout& layout = system_.layout();
+  if (entity < layout.owned_entities())
+    is_in_[static_cast<std::size_t>(entity)] = 1;
+  else
+    POLYSLIP_PETSC(VecSetValue(is_asked_, layout.global(layout.first_displacement(entity)), 1, INSERT_VALUES));
+}
+
+/// Owned entities that any rank has marked, ascending.
+std::vector<Index> NonlinearElimination::marked() {
+  const assembly::Layout& layout = system_.layout();
+  POLYSLIP_PETSC(VecAssemblyBegin(is_asked_));
+  POLYSLIP_PETSC(VecAssemblyEnd(is_asked_));
+  const la::VecRead is_asked(is_asked_);
   std::vector<Index> entities;
-  for (const PetscInt row : rows) {
-    const Index entity = system_.layout().entity_of(static_cast<Index>(row - system_.layout().first()));
-    if (entities.empty() || entities.back() != entity) entities.push_back(entity);
+  for (Index entity = 0; entity < layout.owned_entities(); ++entity) {
+    char& is_in = is_in_[static_cast<std::size_t>(entity)];
+    if (is_asked[layout.first_displacement(entity)] != 0) is_in = 1;
+    if (is_in != 0) entities.push_back(entity);
   }
   return entities;
-}
-
-void NonlinearElimination::mark_neighbours(const std::vector<PetscInt>& rows) {
-  const assembly::Layout& layout = system_.layout();
-  std::vector<PetscInt> columns;
-  for (const Index entity : entities_of(rows)) {
-    columns.clear();
-    system_.bulk().visit_columns(entity, [&](Index other) {
-      const PetscInt first = layout.global(layout.first_displacement(other));
-      for (int c = 0; c < layout.width(other); ++c) columns.push_back(first + c);
-    });
-    const std::vector<PetscScalar> ones(columns.size(), 1);
-    POLYSLIP_PETSC(VecSetValues(is_in_, static_cast<PetscInt>(columns.size()), columns.data(), ones.data(), INSERT_VALUES));
-  }
-}
-
-std::vector<PetscInt> NonlinearElimination::marked_rows() {
-  POLYSLIP_PETSC(VecAssemblyBegin(is_in_));
-  POLYSLIP_PETSC(VecAssemblyEnd(is_in_));
-  const la::VecRead is_in(is_in_);
-  std::vector<PetscInt> rows;
-  PetscInt begin = 0, end = 0;
-  POLYSLIP_PETSC(VecGetOwnershipRange(is_in_, &begin, &end));
-  for (PetscInt row = begin; row < end; ++row)
-    if (is_in[row - begin] != 0) rows.push_back(row);
-  return rows;
 }
 
 void NonlinearElimination::forget_window() {
@@ -142,7 +137,7 @@ void NonlinearElimination::set_up_window() {
   if (ksp_ != nullptr) {
     if (matrix_ == nullptr) return blocks_->copy_again();
     Mat matrix = matrix_;
-    POLYSLIP_PETSC(MatCreateSubMatrix(system_.matrix(), window_, window_, MAT_REUSE_MATRIX, &matrix));
+    POLYSLIP_PETSC(MatCreateSubMatrix(system_.matrix(), in_matrix_, in_matrix_, MAT_REUSE_MATRIX, &matrix));
     return;
   }
   PC pc = nullptr;
@@ -164,13 +159,13 @@ void NonlinearElimination::set_up_window() {
   POLYSLIP_PETSC(PetscObjectTypeCompareAny(reinterpret_cast<PetscObject>(pc), &multiplies_alone, PCJACOBI, PCNONE, ""));
   if (multiplies_alone) {
     if (!blocks_) blocks_.emplace(system_.matrix());
-    std::vector<PetscInt> rows(rows_.size());
-    std::transform(rows_.begin(), rows_.end(), rows.begin(), [&](PetscInt row) { return row - system_.layout().first(); });
-    blocks_->copy(rows);
+    blocks_->copy(rows_);
   } else {
     if (!system_.holds_all_rows()) throw std::logic_error("NonlinearElimination: PETSc cannot copy a window of rows that the matrix does not hold");
-    POLYSLIP_PETSC(ISCreateGeneral(system_.mesh().comm, static_cast<PetscInt>(rows_.size()), rows_.data(), PETSC_COPY_VALUES, window_.put()));
-    POLYSLIP_PETSC(MatCreateSubMatrix(system_.matrix(), window_, window_, MAT_INITIAL_MATRIX, matrix_.put()));
+    std::vector<PetscInt> rows(rows_.size());
+    std::transform(rows_.begin(), rows_.end(), rows.begin(), [&](Index row) { return system_.layout().global(row); });
+    POLYSLIP_PETSC(ISCreateGeneral(system_.mesh().comm, static_cast<PetscInt>(rows.size()), rows.data(), PETSC_COPY_VALUES, in_matrix_.put()));
+    POLYSLIP_PETSC(MatCreateSubMatrix(system_.matrix(), in_matrix_, in_matrix_, MAT_INITIAL_MATRIX, matrix_.put()));
   }
   Mat matrix = multiplies_alone ? blocks_->get() : matrix_.get();
   POLYSLIP_PETSC(KSPSetOperators(ksp_, matrix, matrix));
@@ -181,7 +176,7 @@ void NonlinearElimination::set_up_window() {
 void NonlinearElimination::set_up_rock(PC of_rock) {
   if (ksp_.get() != nullptr) return;
   rows_.resize(static_cast<std::size_t>(system_.layout().displacement_size()));
-  std::iota(rows_.begin(), rows_.end(), static_cast<PetscInt>(system_.layout().first()));
+  std::iota(rows_.begin(), rows_.end(), 0);
   matrix_ = condensed_operator(system_, system_.layout().displacement_size());
   PC pc = nullptr;
   POLYSLIP_PETSC(KSPCreate(system_.mesh().comm, ksp_.put()));
@@ -204,7 +199,7 @@ bool NonlinearElimination::step(Vec x, Vec f, PC of_rock) {
     set_up_rock(of_rock);
   } else {
     choose_faces();
-    if (!choose_rows()) return false;
+    if (!choose_window()) return false;
   }
   // Pressures stay as they are. What is set up for the whole system knows symmetric matrices alone.
   system_.linearise_contact(x, of_rock != nullptr ? MechanicsSystem::MatrixContent::symmetric : MechanicsSystem::MatrixContent::exact);
@@ -212,11 +207,10 @@ bool NonlinearElimination::step(Vec x, Vec f, PC of_rock) {
   if (of_rock == nullptr) set_up_window();
   POLYSLIP_PETSC(VecZeroEntries(condensed_direction_));
   KSPConvergedReason reason = KSP_CONVERGED_ITERATING;
-  const auto first = static_cast<PetscInt>(system_.layout().first());
   {
     const la::VecRead from(condensed_rows_);
     const la::VecWrite to(rhs_);
-    for (std::size_t i = 0; i < rows_.size(); ++i) to[static_cast<Index>(i)] = from[static_cast<Index>(rows_[i] - first)];
+    for (std::size_t i = 0; i < rows_.size(); ++i) to[static_cast<Index>(i)] = from[rows_[i]];
   }
   POLYSLIP_PETSC(KSPSolve(ksp_, rhs_, solution_));
   POLYSLIP_PETSC(KSPGetConvergedReason(ksp_, &reason));
@@ -224,11 +218,11 @@ bool NonlinearElimination::step(Vec x, Vec f, PC of_rock) {
   {
     const la::VecRead from(solution_);
     const la::VecWrite to(condensed_direction_);
-    for (std::size_t i = 0; i < rows_.size(); ++i) to[static_cast<Index>(rows_[i] - first)] = from[static_cast<Index>(i)];
+    for (std::size_t i = 0; i < rows_.size(); ++i) to[rows_[i]] = from[static_cast<Index>(i)];
   }
   system_.recover(f, condensed_direction_, direction_);
   if (of_rock == nullptr) {
-    system_.move(x, direction_, entities_of(rows_), f);
+    system_.move(x, direction_, window_, f);
   } else {
     POLYSLIP_PETSC(VecAXPY(x, -1.0, direction_));
     system_.residual(x, f);

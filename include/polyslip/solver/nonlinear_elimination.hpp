@@ -33,11 +33,9 @@ class NonlinearElimination {
  private:
   void measure(Vec f);
   void choose_faces();
-  bool choose_rows();
-  /// Owned entities that rows belong to.
-  [[nodiscard]] std::vector<Index> entities_of(const std::vector<PetscInt>& rows) const;
-  void mark_neighbours(const std::vector<PetscInt>& rows);
-  std::vector<PetscInt> marked_rows();
+  bool choose_window();
+  void mark(Index entity);
+  [[nodiscard]] std::vector<Index> marked();
   void forget_window();
   void set_up_window();
   void set_up_rock(PC of_rock);
@@ -45,13 +43,14 @@ class NonlinearElimination {
 
   assembly::MechanicsSystem& system_;
   la::Handle<Vec> start_x_, start_f_, direction_, condensed_rows_, condensed_direction_;
-  la::Handle<Vec> is_in_;       ///< 1 for the rows of W, while it grows.
   std::vector<double> sizes_;   ///< Of the contact rows of each owned face [N].
   double total_ = 0;            ///< Their 2-norm over all ranks.
   std::vector<char> is_unsettled_;  ///< By owned face: S.
-  std::vector<PetscInt> rows_;  ///< W: owned rows of the matrix, global numbers, ascending.
+  std::vector<char> is_in_;     ///< By owned entity: W, while it grows,
+  la::Handle<Vec> is_asked_;    ///< and 1 in the first rows of those that other ranks want in it.
+  std::vector<Index> window_, rows_;  ///< W: owned entities, and their rows of the matrix by local numbers; ascending.
   std::optional<la::PrincipalSubmatrix> blocks_;  ///< Rows and columns of W, where solvers need no more than products with them,
-  la::Handle<IS> window_;
+  la::Handle<IS> in_matrix_;
   la::Handle<Mat> matrix_;      ///< or those as a matrix of PETSc; a shell where W is all of the rock.
   la::Handle<KSP> ksp_;
   la::Handle<Vec> rhs_, solution_;
