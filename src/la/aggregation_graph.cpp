@@ -15,25 +15,31 @@ namespace polyslip::la {
 
 namespace {
 
-/// The sums of the blocks of a local matrix.
+/// The sums of the blocks of a local matrix, each block read once.
 template <int b>
 AijEntries sums_of_blocks(Mat matrix, const BlockOperator* lent = nullptr) {
   const BlockRows<b, b> rows(matrix, lent);
-  std::size_t blocks = 0;
-  for (Index i = 0; i < rows.rows(); ++i) blocks += static_cast<std::size_t>(rows.row_size(i));
   AijEntries sums;
-  sums.offsets.reserve(static_cast<std::size_t>(rows.rows()) + 1);
-  sums.columns.reserve(blocks);
-  sums.values.reserve(blocks);
+  for (Index i = 0; i < rows.rows(); ++i) sums.offsets.push_back(sums.offsets.back() + rows.row_size(i));
+  sums.columns.resize(static_cast<std::size_t>(sums.offsets.back()));
+  sums.values.resize(sums.columns.size());
+  std::vector<PetscInt> next(sums.offsets.begin(), sums.offsets.end() - 1);
+  const auto append = [&](Index row, Index column, double sum) {
+    const auto place = static_cast<std::size_t>(next[static_cast<std::size_t>(row)]++);
+    sums.columns[place] = column;
+    sums.values[place] = sum;
+  };
   for (Index i = 0; i < rows.rows(); ++i) {
-    rows.visit(i, [&](Index column, const double* block, PetscInt width) {
+    const auto visit = [&](Index column, const double* block, PetscInt width) {
       double sum = 0;
-      for (int r = 0; r < b; ++r)
-        for (int c = 0; c < b; ++c) sum += std::abs(block[r * width + c]);
-      sums.columns.push_back(column);
-      sums.values.push_back(sum);
-    });
-    sums.offsets.push_back(static_cast<PetscInt>(sums.columns.size()));
+      for (int r = 0; r < b; ++r) {
+        sum += std::abs(block[r * width + r]);
+        for (int c = 0; c < r; ++c) sum += std::abs(block[r * width + c]) + std::abs(block[c * width + r]);  // the same of a transposed block
+      }
+      append(i, column, sum);
+      if (column < i && rows.is_mirrored(column)) append(column, i, sum);
+    };
+    rows.is_mirrored(i) ? rows.visit_lower(i, visit) : rows.visit(i, visit);
   }
   return sums;
 }

@@ -182,15 +182,21 @@ class FactorsOf final : public BlockFactors {
     }
     [[nodiscard]] bool is_lent(Index node) const { return lent != nullptr && own.offsets()[node * b] == own.offsets()[(node + 1) * b]; }
   };
-  /// Calls visit(turn, row in its block, column in its block, value) for the entries of a node, but for those of later ghosts.
+  /// Calls visit(turn, row in its block, column in its block, value) for the entries of a node that are eliminated before it, its own, and some
+  /// others, but for those of later ghosts.
   template <class Visit>
   void visit(const Entries& entries, Index node, Visit&& visit) const {
-    if (entries.is_lent(node))
-      entries.lent->template visit_own<b>(node, [&](Index column, const double* block, int) {
-        const Index turn = turn_of_[static_cast<std::size_t>(column)];
-        for (int r = 0; r < b; ++r)
-          for (int c = 0; c < b; ++c) visit(turn, r, c, block[r * b + c]);
-      });
+    const auto visit_block = [&](Index column, const double* block, int) {
+      const Index turn = turn_of_[static_cast<std::size_t>(column)];
+      for (int r = 0; r < b; ++r)
+        for (int c = 0; c < b; ++c) visit(turn, r, c, block[r * b + c]);
+    };
+    if (entries.is_lent(node)) {
+      if (forwards_ && turn_of_[static_cast<std::size_t>(node)] < border_)
+        entries.lent->template visit_lower<b>(node, visit_block);  // which lie behind one another in memory
+      else
+        entries.lent->template visit_own<b>(node, visit_block);
+    }
     entries.own.visit(node * b, b, [&](PetscInt row, PetscInt column, PetscScalar value) {
       visit(turn_of_[static_cast<std::size_t>(column / b)], row % b, column % b, value);
     });
@@ -287,8 +293,8 @@ class FactorsOf final : public BlockFactors {
     const auto append_own = [&](Index node, char seen) {
       if (is_seen[static_cast<std::size_t>(node)] == seen) turn_of_[static_cast<std::size_t>(node)] = append(node, first / b + node);
     };
-    const bool forwards = leads_to_border(parts, is_seen);
-    for (Index k = 0; k < nodes_; ++k) append_own(forwards ? k : nodes_ - 1 - k, 0);
+    forwards_ = leads_to_border(parts, is_seen);
+    for (Index k = 0; k < nodes_; ++k) append_own(forwards_ ? k : nodes_ - 1 - k, 0);
     border_ = static_cast<Index>(node_at_.size());
     for (Index node = 0; node < nodes_; ++node) append_own(node, 1);
     end_ = static_cast<Index>(node_at_.size());
@@ -680,7 +686,8 @@ class FactorsOf final : public BlockFactors {
   }
 
   Index nodes_ = 0, ghosts_ = 0, border_ = 0, end_ = 0;
-  bool updates_ = true;  ///< Whether rows above change those below.
+  bool forwards_ = true;  ///< Whether nodes within have their turns in the order of the matrix.
+  bool updates_ = true;   ///< Whether rows above change those below.
   std::vector<Index> node_at_, turn_of_;  ///< Node by its turn, `none` for ghosts; and back.
   std::vector<Index> turn_of_column_;     ///< Of the matrix of others; `none` for ghosts of later ranks.
   Csr lower_;                             ///< Columns of L by turns.

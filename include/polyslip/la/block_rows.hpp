@@ -18,6 +18,8 @@ class BlockRows {
   explicit BlockRows(Mat matrix, const BlockOperator* lent = nullptr) : rows_(matrix), lent_(lent) {}
 
   [[nodiscard]] Index rows() const { return rows_.rows() / r; }
+  /// Whether the blocks of row i above the diagonal are those below it, transposed.
+  [[nodiscard]] bool is_mirrored(Index i) const { return is_lent(i) && lent_->by_halves(); }
   [[nodiscard]] Index row_size(Index i) const { return is_lent(i) ? lent_->own_blocks(i) : width(i) / c; }  ///< Blocks.
   /// visit(column, first entry, entries from one row to the next) for the blocks of row i.
   template <class Visit>
@@ -58,8 +60,8 @@ class BlockRows {
   }
 
  private:
-  [[nodiscard]] PetscInt width(Index i) const { return rows_.offsets()[i * r + 1] - rows_.offsets()[i * r]; }
   [[nodiscard]] bool is_lent(Index i) const { return lent_ != nullptr && width(i) == 0; }
+  [[nodiscard]] PetscInt width(Index i) const { return rows_.offsets()[i * r + 1] - rows_.offsets()[i * r]; }
 
   AijRows rows_;
   const BlockOperator* lent_;
