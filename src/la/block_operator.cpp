@@ -108,9 +108,9 @@ void BlockOperator::multiply_nodes(std::span<const double> x, std::span<double> 
   constexpr int width = lanes_of(b);
   x_.resize(x.size() / b * width);
   y_.resize(y.size() / b * width);
-  for (std::size_t i = 0; i < x.size() / b; ++i) std::copy_n(&x[i * b], b, &x_[i * width]);
+  for (std::size_t i = 0; i < x.size() / b; ++i) copy_numbers<b>(&x[i * b], &x_[i * width]);
   for (Index i = 0; i < owned_; ++i) multiply_row<b>(i, x_.data(), y_.data());
-  for (std::size_t i = 0; i < y.size() / b; ++i) std::copy_n(&y_[i * width], b, &y[i * b]);
+  for (std::size_t i = 0; i < y.size() / b; ++i) copy_numbers<b>(&y_[i * width], &y[i * b]);
 }
 
 std::vector<Index> BlockOperator::rows_near(std::span<const Index> entities) const {
@@ -135,31 +135,16 @@ void BlockOperator::multiply_some_nodes(std::span<const Index> rows, std::span<c
   constexpr int width = lanes_of(b);
   x_.assign(x.size() / b * width, 0.0);
   y_.resize(y.size() / b * width);
-  const auto take = [&](std::size_t i) { std::copy_n(&x[i * b], b, &x_[i * width]); };
+  const auto take = [&](std::size_t i) { copy_numbers<b>(&x[i * b], &x_[i * width]); };
   for (Index i : rows) take(static_cast<std::size_t>(i));
   for (auto ghost = static_cast<std::size_t>(owned_); ghost < x.size() / b; ++ghost) take(ghost);
   for (Index i : rows) multiply_row<b>(i, x_.data(), y_.data());
-  for (Index i : rows) std::copy_n(node<b>(y_.data(), i), b, &y[static_cast<std::size_t>(i) * b]);
+  for (Index i : rows) copy_numbers<b>(node<b>(y_.data(), i), &y[static_cast<std::size_t>(i) * b]);
 }
 
-/// y_i = sum_j A_ij x_j, and to the rows above what they get from x_i.
 template <int b>
 inline void BlockOperator::multiply_row(Index i, const double* x, double* y) const {
-  Sums<b> sums;
-  Lanes<b> x_i, transposed;
-  load<b>(node<b>(x, i), x_i);
-  Index k = columns_.offsets[i];
-  const double* block = values_.data() + first_value(k);
-  prefetch(block, values_.data() + first_value(columns_.offsets[i + 1]));
-  for (const Index end = k + mirrored_[static_cast<std::size_t>(i)]; k < end; ++k, block += b * b) {
-    const Index j = columns_.values[static_cast<std::size_t>(k)];
-    sums.add(block, node<b>(x, j));
-    multiply_transposed<b>(block, x_i, transposed);
-    add_to<b>(node<b>(y, j), transposed);
-  }
-  for (const Index end = columns_.offsets[i + 1]; k < end; ++k, block += b * b)
-    sums.add(block, node<b>(x, columns_.values[static_cast<std::size_t>(k)]));
-  for (int r = 0; r < b; ++r) node<b>(y, i)[r] = sums.value(r);
+  la::multiply_row<b>(i, columns_[i], mirrored_[static_cast<std::size_t>(i)], block(columns_.offsets[i]), x, y);
 }
 
 void BlockOperator::multiply_unlike(std::span<const double> x, std::span<double> y) const {

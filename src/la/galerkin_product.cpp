@@ -17,6 +17,7 @@
 #include "polyslip/la/aggregation_graph.hpp"
 #include "polyslip/la/aij_parts.hpp"
 #include "polyslip/la/block_rows.hpp"
+#include "polyslip/la/lanes.hpp"
 #include "polyslip/la/prolongation.hpp"
 #include "polyslip/la/rank_order.hpp"
 
@@ -67,7 +68,8 @@ class BlockWriter {
     for (int i = 0; i < r; ++i)
       for (std::size_t k = 0; k < columns.size(); ++k) {
         PetscScalar*& next = columns[k] < owned_ ? next_own_ : next_of_others_;
-        next = std::copy_n(block(k) + i * c, c, next);
+        copy_numbers<c>(block(k) + i * c, next);
+        next += c;
       }
   }
   void finish() {

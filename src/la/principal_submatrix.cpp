@@ -63,22 +63,36 @@ void PrincipalSubmatrix::copy_blocks() {
   if (parts_.others != nullptr) others.emplace(parts_.others);
   columns_.offsets.assign(1, 0);
   columns_.values.clear();
+  diagonal_.clear();
   std::size_t most = 0;
-  for (Index node : nodes_) most += static_cast<std::size_t>(own.row_size(node) + (others ? others->row_size(node) : 0));
+  std::vector<char> is_mirrored;
+  for (Index node : nodes_) {
+    most += static_cast<std::size_t>(own.row_size(node) + (others ? others->row_size(node) : 0));
+    is_mirrored.push_back(own.is_mirrored(node) ? 1 : 0);
+  }
   if (values_.size() < most * b * b + beyond_blocks) values_.resize(most * b * b + beyond_blocks);
   double* next = values_.data();
   const auto append = [&](Index column, const double* block, PetscInt width) {
     columns_.values.push_back(column);
-    for (int r = 0; r < b; ++r, next += b) std::copy_n(block + r * width, b, next);
+    for (int r = 0; r < b; ++r, next += b) copy_numbers<b>(block + r * width, next);
   };
-  for (Index node : nodes_) {
-    own.visit(node, [&](Index column, const double* block, PetscInt width) {
-      if (const Index place = place_[static_cast<std::size_t>(column)]; place >= 0) append(place, block, width);
-    });
-    if (others) others->visit(node, [&](Index ghost, const double* block, PetscInt width) { append(chosen + ghost, block, width); });
+  mirrored_.assign(nodes_.size(), 0);
+  for (Index k = 0; k < chosen; ++k) {
+    for (const bool serves_twice : {true, false}) {
+      const auto take = [&](Index column, const double* block, PetscInt width) {
+        const Index place = place_[static_cast<std::size_t>(column)];
+        if (place < 0 || serves_twice != (place < k && is_mirrored[static_cast<std::size_t>(place)] != 0)) return;
+        if (place == k) diagonal_.push_back(static_cast<Index>(columns_.values.size()));
+        mirrored_[static_cast<std::size_t>(k)] += serves_twice ? 1 : 0;
+        append(place, block, width);
+      };
+      is_mirrored[static_cast<std::size_t>(k)] != 0 ? own.visit_lower(nodes_[k], take) : own.visit(nodes_[k], take);
+    }
+    if (others) others->visit(nodes_[k], [&](Index ghost, const double* block, PetscInt width) { append(chosen + ghost, block, width); });
     columns_.offsets.push_back(static_cast<Index>(columns_.values.size()));
   }
   x_.assign(static_cast<std::size_t>((chosen + ghosts_) * lanes_of(b)), 0.0);
+  y_.resize(static_cast<std::size_t>(chosen * lanes_of(b)));
 }
 
 PetscErrorCode PrincipalSubmatrix::multiply_shell(Mat shell, Vec x, Vec y) {
@@ -93,35 +107,32 @@ template <int b>
 void PrincipalSubmatrix::multiply(Vec x, Vec y) {
   const VecRead from(x);
   const auto chosen = static_cast<Index>(nodes_.size());
-  for (Index k = 0; k < chosen; ++k) std::copy_n(from.data() + k * b, b, node<b>(x_.data(), k));
+  for (Index k = 0; k < chosen; ++k) copy_numbers<b>(from.data() + k * b, node<b>(x_.data(), k));
   if (fetch_ != nullptr) fetch_ghosts<b>(from.data());
   multiply_rows<b>(VecWrite(y).data());
 }
 
 template <int b>
-void PrincipalSubmatrix::multiply_rows(double* y) const {
+void PrincipalSubmatrix::multiply_rows(double* y) {
   const double* block = values_.data();
-  for (Index k = 0; k < static_cast<Index>(nodes_.size()); ++k) {
-    Sums<b> sums;
-    prefetch(block, block + static_cast<std::ptrdiff_t>(columns_.row_size(k)) * b * b);
-    for (const Index column : std::as_const(columns_)[k]) {
-      sums.add(block, node<b>(x_.data(), column));
-      block += b * b;
-    }
-    for (int r = 0; r < b; ++r) y[k * b + r] = sums.value(r);
+  const auto chosen = static_cast<Index>(nodes_.size());
+  for (Index k = 0; k < chosen; ++k) {
+    multiply_row<b>(k, std::as_const(columns_)[k], mirrored_[static_cast<std::size_t>(k)], block, x_.data(), y_.data());
+    block += static_cast<std::ptrdiff_t>(columns_.row_size(k)) * b * b;
   }
+  for (Index k = 0; k < chosen; ++k) copy_numbers<b>(node<b>(y_.data(), k), y + k * b);
 }
 
 template <int b>
 void PrincipalSubmatrix::fetch_ghosts(const double* x) {
   {
     const VecWrite to(whole_);
-    for (std::size_t k = 0; k < nodes_.size(); ++k) std::copy_n(x + k * b, b, to.data() + nodes_[k] * b);
+    for (std::size_t k = 0; k < nodes_.size(); ++k) copy_numbers<b>(x + k * b, to.data() + nodes_[k] * b);
   }
   POLYSLIP_PETSC(VecScatterBegin(fetch_, whole_, of_ghosts_, INSERT_VALUES, SCATTER_FORWARD));
   POLYSLIP_PETSC(VecScatterEnd(fetch_, whole_, of_ghosts_, INSERT_VALUES, SCATTER_FORWARD));
   const VecRead from(of_ghosts_);
-  for (Index k = 0; k < ghosts_; ++k) std::copy_n(from.data() + k * b, b, node<b>(x_.data(), static_cast<Index>(nodes_.size()) + k));
+  for (Index k = 0; k < ghosts_; ++k) copy_numbers<b>(from.data() + k * b, node<b>(x_.data(), static_cast<Index>(nodes_.size()) + k));
 }
 
 PetscErrorCode PrincipalSubmatrix::diagonal_of_shell(Mat shell, Vec diagonal) {
@@ -131,9 +142,7 @@ PetscErrorCode PrincipalSubmatrix::diagonal_of_shell(Mat shell, Vec diagonal) {
   const VecWrite to(diagonal);
   const int b = its->block_;
   for (Index k = 0; k < static_cast<Index>(its->nodes_.size()); ++k) {
-    const auto columns = std::as_const(its->columns_)[k];
-    const auto own = std::lower_bound(columns.begin(), columns.end(), k) - columns.begin();
-    const double* block = its->values_.data() + static_cast<std::size_t>(its->columns_.offsets[k] + own) * static_cast<std::size_t>(b * b);
+    const double* block = its->values_.data() + static_cast<std::size_t>(its->diagonal_[static_cast<std::size_t>(k)]) * static_cast<std::size_t>(b * b);
     for (int r = 0; r < b; ++r) to[k * b + r] = block[r * b + r];
   }
   PetscFunctionReturn(0);

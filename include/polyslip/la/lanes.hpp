@@ -5,6 +5,7 @@
 #include <array>
 #include <cstddef>
 #include <cstring>
+#include <span>
 
 #include "polyslip/common/types.hpp"
 
@@ -19,6 +20,12 @@ void prefetch(const Number* first, const Number* last, std::ptrdiff_t ahead = tw
   constexpr std::ptrdiff_t line = 64;
   const char* const end = reinterpret_cast<const char*>(last) + ahead;
   for (const char* at = reinterpret_cast<const char*>(first) + ahead; at < end; at += line) __builtin_prefetch(at);
+}
+
+/// So few numbers in line: std::copy_n asks the library for each, as its ranges might overlap.
+template <int n>
+void copy_numbers(const double* from, double* to) {
+  std::memcpy(to, from, n * sizeof(double));
 }
 
 /// Numbers of a node of b components in memory.
@@ -79,6 +86,23 @@ void multiply_transposed(const double* block, const Lanes<b>& x, Lanes<b>& lanes
     load<b>(block + r * b, row);
     lanes += row * x[r];
   }
+}
+
+/// y_i = sum_j B_ij x_j over the blocks of a row, which lie behind one another, and to the rows of the first `mirrored` of them B_ij^T x_i.
+template <int b>
+[[gnu::always_inline]] inline void multiply_row(Index i, std::span<const Index> columns, Index mirrored, const double* block, const double* x, double* y) {
+  Sums<b> sums;
+  Lanes<b> x_i, transposed;
+  load<b>(node<b>(x, i), x_i);
+  prefetch(block, block + columns.size() * b * b);
+  auto column = columns.begin();
+  for (const auto end = column + mirrored; column != end; ++column, block += b * b) {
+    sums.add(block, node<b>(x, *column));
+    multiply_transposed<b>(block, x_i, transposed);
+    add_to<b>(node<b>(y, *column), transposed);
+  }
+  for (; column != columns.end(); ++column, block += b * b) sums.add(block, node<b>(x, *column));
+  for (int r = 0; r < b; ++r) node<b>(y, i)[r] = sums.value(r);
 }
 
 }  // namespace polyslip::la

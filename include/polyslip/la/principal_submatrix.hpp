@@ -38,7 +38,7 @@ class PrincipalSubmatrix {
   void multiply(Vec x, Vec y);
   /// The rows of the chosen nodes times `x_`.
   template <int b>
-  POLYSLIP_BY_PROCESSOR void multiply_rows(double* y) const;
+  POLYSLIP_BY_PROCESSOR void multiply_rows(double* y);
   template <int b>
   void fetch_ghosts(const double* x);
 
@@ -47,9 +47,11 @@ class PrincipalSubmatrix {
   PetscInt block_ = 1, ghosts_ = 0;  ///< Ghosts: nodes in columns of others.
   std::vector<Index> nodes_;         ///< Of this rank, that are chosen.
   std::vector<Index> place_;         ///< Of each node of this rank among these, or -1.
-  Csr columns_;                      ///< Places, those of ghosts behind the chosen nodes.
+  Csr columns_;                      ///< Places, those of ghosts behind the chosen nodes; blocks that serve twice (lend_rows) first,
+  std::vector<Index> mirrored_;      ///< and how many these are;
+  std::vector<Index> diagonal_;      ///< where each node has its own block.
   std::vector<double> values_;       ///< Block by block; longer than needed at times.
-  std::vector<double> x_;            ///< By lanes (lanes.hpp).
+  std::vector<double> x_, y_;        ///< By lanes (lanes.hpp).
   Handle<Vec> whole_, of_ghosts_;    ///< x among all rows of this rank, and in the columns of others: 0 where it is not chosen.
   Handle<VecScatter> fetch_;         ///< Null on one rank.
   Handle<Mat> shell_;
