@@ -57,7 +57,7 @@ class Blocks {
     const float* block = values_.data();
     for (Index i = 0; i < columns_.rows(); ++i) {
       std::array<float, r> factors;
-      std::copy_n(from.data() + i * r, r, factors.begin());
+      for (int k = 0; k < r; ++k) factors[static_cast<std::size_t>(k)] = static_cast<float>(from[i * r + k]);
       for (const Index column : std::as_const(columns_)[i]) {
         Eigen::Map<Lanes> to(coarse_.data() + column * width);
         Lanes sum = to;
@@ -85,23 +85,26 @@ class Blocks {
     POLYSLIP_PETSC(MatGetSize(matrix_, nullptr, &columns));
     coarse_.assign(static_cast<std::size_t>(columns / c) * width, 0.0F);
     columns_.offsets.assign(1, 0);
-    columns_.values.clear();
-    values_.clear();
+    for (Index i = 0; i < rows.rows(); ++i) columns_.offsets.push_back(columns_.offsets.back() + rows.row_size(i));
+    const auto blocks = static_cast<std::size_t>(columns_.offsets.back());
+    columns_.values.resize(blocks);
+    values_.resize(blocks * r * c + width - c);
+    auto column = columns_.values.begin();
+    float* value = values_.data();
     for (Index i = 0; i < rows.rows(); ++i) {
-      rows.visit(i, [&](Index column, const double* block, PetscInt step) {
-        columns_.values.push_back(column);
+      rows.visit(i, [&](Index aggregate, const double* block, PetscInt step) {
+        *column++ = aggregate;
         for (int k = 0; k < r; ++k)
-          for (int l = 0; l < c; ++l) values_.push_back(static_cast<float>(block[k * step + l]));
+          for (int l = 0; l < c; ++l) *value++ = static_cast<float>(block[k * step + l]);
       });
-      columns_.offsets.push_back(static_cast<Index>(columns_.values.size()));
     }
-    values_.resize(values_.size() + width - c, 0.0F);
+    std::fill_n(value, width - c, 0.0F);
   }
 
   Mat matrix_;
   PetscObjectState state_ = -1;
   Csr columns_;                ///< Aggregates.
-  std::vector<float> values_;  ///< Block by block, and zeros behind the last one.
+  UnsetVector<float> values_;  ///< Block by block, and zeros behind the last one.
   std::vector<float> coarse_;  ///< A vector of the coarser level.
 };
 
