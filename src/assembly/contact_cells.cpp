@@ -2,8 +2,11 @@
 
 #include <Eigen/LU>
 #include <algorithm>
+#include <functional>
 
+#include "polyslip/common/processor.hpp"
 #include "polyslip/geometry/faces.hpp"
+#include "polyslip/la/dense.hpp"
 
 namespace polyslip::assembly {
 
@@ -158,10 +161,11 @@ void ContactCells::add_momentum(const MechanicalState& state, std::span<const do
     const auto faces = cell_faces_[p];
     const int own = cell.n_own, n = own + dim_ * cell.n_faces;
     v.resize(n);
+    r.resize(n);
     for (int i = 0; i < own; ++i) v[i] = state.displacement[displacements[i]];
     for (int f = 0; f < cell.n_faces; ++f)
       for (int a = 0; a < dim_; ++a) v[own + dim_ * f + a] = state.bubble[static_cast<std::size_t>(dim_) * faces[f] + a];
-    r.noalias() = ConstMap(&stiffness_[cell.stiffness], n, n) * v;
+    la::multiply(n, n, &stiffness_[cell.stiffness], n, v.data(), r.data());
     for (int i = 0; i < own; ++i) displacement[displacements[i]] += r[i];
     for (int f = 0; f < cell.n_faces; ++f) {
       const ContactFace& contact = faces_[faces[f]];
@@ -283,9 +287,20 @@ namespace {
 
 /// Inverse of M_II, ni x ni, with the multiplier columns in units of their face's stiffness, so that pivots compare like with like.
 template <int ni>
-Eigen::Matrix<double, ni, ni> inverse_internal(const Eigen::MatrixXd& ii, const Eigen::VectorXd& column_scale) {
+Eigen::Matrix<double, ni, ni> inverse_internal(const RowMajor& ii, const Eigen::VectorXd& column_scale) {
   const Eigen::Matrix<double, ni, ni> scaled = ii * column_scale.asDiagonal();
   return column_scale.asDiagonal() * scaled.partialPivLu().inverse();
+}
+
+/// result = a - b c of rows of n entries (those of b: ni), none of them the same.
+template <int ni>
+POLYSLIP_BY_PROCESSOR void subtract_product(int n, const double* a, const double* b, const double* c, double* __restrict result) {
+  for (int i = 0; i < n; ++i, a += n, b += ni, result += n)
+    for (int j = 0; j < n; ++j) {
+      double entry = a[j];
+      for (int k = 0; k < ni; ++k) entry -= b[k] * c[k * n + j];
+      result[j] = entry;
+    }
 }
 
 }  // namespace
@@ -306,8 +321,10 @@ void ContactCells::condense_cell(Index p, std::span<const physics::ContactLinear
   for (int f = 0; f < cell.n_faces; ++f) scale.segment(size / 2 + dim_ * f, dim_).setConstant(faces_[faces[f]].stiffness);
   const auto condense = [&](const Eigen::Matrix<double, ni, ni>& inverse, double* block) {
     const Eigen::Matrix<double, ni, Eigen::Dynamic, Eigen::RowMajor> recovered = inverse * m.ie;
-    const Eigen::Map<const Eigen::Matrix<double, Eigen::Dynamic, ni>> m_ei(m.ei.data(), ne, size);
-    MutableMap(block, ne, ne) = m.ee - m_ei.lazyProduct(recovered);
+    if constexpr (ni == Eigen::Dynamic)
+      MutableMap(block, ne, ne) = m.ee - m.ei * recovered;
+    else
+      subtract_product<ni>(ne, m.ee.data(), m.ei.data(), recovered.data(), block);
   };
   blocks(p, law, m);
   const Eigen::Matrix<double, ni, ni> inverse = inverse_internal<ni>(m.ii, scale);
@@ -345,48 +362,48 @@ void ContactCells::condense(std::span<const physics::ContactLinearisation> law, 
   condensed_differs_.assign(differs.begin(), differs.end());
 }
 
-Eigen::VectorXd ContactCells::internal_residual(Index p, std::span<const double> bubble, std::span<const double> contact) const {
-  const auto faces = cell_faces_[p];
-  const int nb = dim_ * cells_[p].n_faces;
-  Eigen::VectorXd r(2 * nb);
-  for (int f = 0; f < cells_[p].n_faces; ++f)
-    for (int a = 0; a < dim_; ++a) {
-      r[dim_ * f + a] = bubble[static_cast<std::size_t>(dim_) * faces[f] + a];
-      r[nb + dim_ * f + a] = contact[static_cast<std::size_t>(dim_) * faces[f] + a];
-    }
-  return r;
+void ContactCells::internal_residual(Index p, std::span<const double> bubble, std::span<const double> contact, std::vector<double>& r) const {
+  r.clear();
+  for (const std::span<const double> rows : {bubble, contact})
+    for (const Index face : cell_faces_[p])
+      for (int a = 0; a < dim_; ++a) r.push_back(rows[static_cast<std::size_t>(dim_) * face + a]);
 }
 
 void ContactCells::condense_residual(std::span<const double> bubble, std::span<const double> contact, std::span<double> displacement,
                                      std::span<double> flow) const {
+  std::vector<double> internal, solved, external;
   for (Index p = 0; p < size(); ++p) {
     const Cell& cell = cells_[p];
     const int ne = block_size(p), ni = 2 * dim_ * cell.n_faces;
-    const Eigen::VectorXd r = ConstMap(&m_ei_[cell.coupling], ne, ni) *
-                              (ConstMap(&inverse_[cell.internal], ni, ni) * internal_residual(p, bubble, contact));
-    const auto displacements = displacements_[p], unknowns = pressures(p);
-    for (std::size_t i = 0; i < displacements.size(); ++i) displacement[displacements[i]] -= r[static_cast<Eigen::Index>(i)];
-    for (std::size_t k = 0; k < unknowns.size(); ++k) flow[unknowns[k]] -= r[static_cast<Eigen::Index>(displacements.size() + k)];
+    internal_residual(p, bubble, contact, internal);
+    solved.resize(internal.size());
+    external.resize(static_cast<std::size_t>(ne));
+    la::multiply(ni, ni, &inverse_[cell.internal], ni, internal.data(), solved.data());
+    la::multiply(ne, ni, &m_ei_[cell.coupling], ni, solved.data(), external.data());
+    auto r = external.begin();
+    for (const Index i : displacements_[p]) displacement[i] -= *r++;
+    for (const Index k : pressures(p)) flow[k] -= *r++;
   }
 }
 
 void ContactCells::recover(std::span<const double> bubble, std::span<const double> contact, MechanicalState& delta) const {
+  std::vector<double> internal, of_external, external, solved;
   for (Index p = 0; p < size(); ++p) {
     const Cell& cell = cells_[p];
-    const auto displacements = displacements_[p], unknowns = pressures(p);
-    const auto faces = cell_faces_[p];
-    const int ne = block_size(p), nb = dim_ * cell.n_faces;
-    Eigen::VectorXd v(ne);
-    for (std::size_t i = 0; i < displacements.size(); ++i) v[static_cast<Eigen::Index>(i)] = delta.displacement[displacements[i]];
-    for (std::size_t k = 0; k < unknowns.size(); ++k)
-      v[static_cast<Eigen::Index>(displacements.size() + k)] = delta.pressure[unknowns[k]];
-    const Eigen::VectorXd i = ConstMap(&inverse_[cell.internal], 2 * nb, 2 * nb) *
-                              (internal_residual(p, bubble, contact) - ConstMap(&m_ie_[cell.coupling], 2 * nb, ne) * v);
-    for (int f = 0; f < cell.n_faces; ++f)
-      for (int a = 0; a < dim_; ++a) {
-        delta.bubble[static_cast<std::size_t>(dim_) * faces[f] + a] = i[dim_ * f + a];
-        delta.multiplier[static_cast<std::size_t>(dim_) * faces[f] + a] = i[nb + dim_ * f + a];
-      }
+    const int ne = block_size(p), ni = 2 * dim_ * cell.n_faces;
+    external.clear();
+    for (const Index i : displacements_[p]) external.push_back(delta.displacement[i]);
+    for (const Index k : pressures(p)) external.push_back(delta.pressure[k]);
+    internal_residual(p, bubble, contact, internal);
+    of_external.resize(internal.size());
+    solved.resize(internal.size());
+    la::multiply(ni, ne, &m_ie_[cell.coupling], ne, external.data(), of_external.data());
+    std::transform(internal.begin(), internal.end(), of_external.begin(), internal.begin(), std::minus<>());
+    la::multiply(ni, ni, &inverse_[cell.internal], ni, internal.data(), solved.data());
+    auto value = solved.begin();
+    for (std::vector<double>* part : {&delta.bubble, &delta.multiplier})
+      for (const Index face : cell_faces_[p])
+        for (int a = 0; a < dim_; ++a) (*part)[static_cast<std::size_t>(dim_) * face + a] = *value++;
   }
 }
 

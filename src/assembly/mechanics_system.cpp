@@ -11,11 +11,11 @@
 #include "polyslip/assembly/cell_batches.hpp"
 #include "polyslip/common/error.hpp"
 #include "polyslip/common/mpi.hpp"
+#include "polyslip/la/dense.hpp"
 #include "polyslip/la/vec_access.hpp"
 
 namespace polyslip::assembly {
 
-using RowMajor = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>;
 using physics::ContactLinearisation;
 using physics::ContactPoint;
 using physics::ContactState;
@@ -484,17 +484,17 @@ ContactPoint MechanicsSystem::point(Index face, const MechanicalState& state) co
 void MechanicsSystem::multiply(std::span<const double> x, MatrixContent content, std::span<double> y) const {
   bulk_->multiply(x, y);
   if (content == MatrixContent::bulk) return;
-  Eigen::VectorXd local, rows;
+  std::vector<double> local, rows;
   for (Index p = 0; p < cells_.size(); ++p) {
     const auto displacements = cells_.displacements(p);
-    const auto values = condensed_block(p, content);
-    const auto n = static_cast<Eigen::Index>(displacements.size());
-    const Eigen::Map<const RowMajor, 0, Eigen::OuterStride<>> block(values.data(), n, n, Eigen::OuterStride<>(cells_.block_size(p)));
-    local.resize(n);
-    for (Eigen::Index j = 0; j < n; ++j) local[j] = fixed()[displacements[j]] ? 0.0 : x[displacements[j]];
-    rows.noalias() = block * local;
-    for (Eigen::Index i = 0; i < n; ++i)
-      if (const Index k = displacements[i]; k < layout_.displacement_size()) y[k] += fixed()[k] ? block(i, i) * x[k] : rows[i];
+    const double* block = condensed_block(p, content).data();
+    const int n = static_cast<int>(displacements.size()), step = cells_.block_size(p);
+    local.resize(displacements.size());
+    rows.resize(displacements.size());
+    for (int j = 0; j < n; ++j) local[j] = fixed()[displacements[j]] ? 0.0 : x[displacements[j]];
+    la::multiply(n, n, block, step, local.data(), rows.data());
+    for (int i = 0; i < n; ++i)
+      if (const Index k = displacements[i]; k < layout_.displacement_size()) y[k] += fixed()[k] ? block[i * step + i] * x[k] : rows[i];
   }
 }
 

@@ -115,7 +115,7 @@ class ContactCells {
 
   /// Blocks before condensation, for the saddle formulation; shapes as in the table above, row-major.
   struct SaddleBlocks {
-    Eigen::MatrixXd ee, ei, ie, ii;
+    Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor> ee, ei, ie, ii;
   };
   [[nodiscard]] SaddleBlocks saddle_blocks(Index p, std::span<const physics::ContactLinearisation> law) const;
 
@@ -140,7 +140,8 @@ class ContactCells {
   void condense_cell(Index p, std::span<const physics::ContactLinearisation> law, std::span<const physics::ContactLinearisation> symmetric,
                      SaddleBlocks& m);
   void add_fluid_blocks(Index p, SaddleBlocks& m) const;
-  [[nodiscard]] Eigen::VectorXd internal_residual(Index p, std::span<const double> bubble, std::span<const double> contact) const;
+  /// r_I of a cell.
+  void internal_residual(Index p, std::span<const double> bubble, std::span<const double> contact, std::vector<double>& r) const;
 
   int dim_;
   std::vector<Cell> cells_;
