@@ -52,28 +52,22 @@ Csr contact_entities(const Layout& layout, const ContactCells& contact) {
   return groups;
 }
 
-/// Entities of each cell, and then those of the + cells.
-Csr entity_groups(const mesh::DistributedMesh& mesh, const Layout& layout, const Csr& contact) {
-  Csr groups;
-  for (Index cell = 0; cell < mesh.mesh.n_cells(); ++cell) {
-    layout.visit_entities(mesh.mesh, cell, [&](Index entity) { groups.values.push_back(entity); });
-    groups.offsets.push_back(static_cast<Index>(groups.values.size()));
-  }
-  for (Index p = 0; p < contact.rows(); ++p) groups.push_row(contact[p]);
-  return groups;
-}
-
-/// Couplings of each owned entity: all entities of the cells that see it, and of the + cells whose condensed block holds it.
+/// Couplings of each owned entity: all entities of the cells that see it, and of the + cells (numbered behind the cells) whose condensed block
+/// holds it.
 Csr matrix_graph(const mesh::DistributedMesh& mesh, const Layout& layout, const Csr& contact) {
-  const Csr groups = entity_groups(mesh, layout, contact);
-  const Index owned = layout.owned_entities();
+  const Index cells = mesh.mesh.n_cells(), owned = layout.owned_entities();
+  const auto visit_group = [&](Index group, auto&& visit) {
+    if (group < cells) return layout.visit_entities(mesh.mesh, group, visit);
+    for (const Index entity : contact[group - cells]) visit(entity);
+  };
+  const auto for_each = [&](auto&& visit) {
+    for (Index group = 0; group < cells + contact.rows(); ++group)
+      visit_group(group, [&](Index entity) {
+        if (entity < owned) visit(entity, group);
+      });
+  };
   Csr groups_of;  // by owned entity
   groups_of.offsets.assign(static_cast<std::size_t>(owned) + 1, 0);
-  const auto for_each = [&](auto&& visit) {
-    for (Index group = 0; group < groups.rows(); ++group)
-      for (Index entity : groups[group])
-        if (entity < owned) visit(entity, group);
-  };
   for_each([&](Index entity, Index) { ++groups_of.offsets[entity + 1]; });
   for (Index i = 0; i < owned; ++i) groups_of.offsets[i + 1] += groups_of.offsets[i];
   groups_of.values.resize(static_cast<std::size_t>(groups_of.offsets[owned]));
@@ -84,12 +78,10 @@ Csr matrix_graph(const mesh::DistributedMesh& mesh, const Layout& layout, const 
   graph.offsets.reserve(static_cast<std::size_t>(owned) + 1);
   std::vector<Index> seen_by(static_cast<std::size_t>(layout.local_entities()), -1);
   for (Index row = 0; row < owned; ++row) {
-    for (Index group : groups_of[row])
-      for (Index entity : groups[group]) {
-        if (seen_by[entity] == row) continue;
-        seen_by[entity] = row;
-        graph.values.push_back(entity);
-      }
+    for (const Index group : groups_of[row])
+      visit_group(group, [&](Index entity) {
+        if (std::exchange(seen_by[entity], row) != row) graph.values.push_back(entity);
+      });
     graph.offsets.push_back(static_cast<Index>(graph.values.size()));
   }
   return graph;

@@ -64,8 +64,10 @@ Csr BlockOperator::graph() const {
 
 std::vector<double> BlockOperator::diagonal() const {
   std::vector<double> entries;
+  entries.reserve(static_cast<std::size_t>(first_[static_cast<std::size_t>(owned_)]));
   for (Index i = 0; i < owned_; ++i) {
-    const double* entry = block(PlaceFinder::search(columns_, i, i));
+    const Index below = mirrored_[static_cast<std::size_t>(i)];
+    const double* entry = block(by_halves_ ? columns_.offsets[i] + below : PlaceFinder::search(columns_, i, i));
     for (int a = 0; a < width(i); ++a, entry += width(i) + 1) entries.push_back(*entry);
   }
   return entries;

@@ -76,7 +76,8 @@ void VemCell::build(Index cell) {
   volume_ /= mesh_.dim;
   c_.insert(c_.end(), normal_c_.begin(), normal_c_.end());
   c_.insert(c_.end(), bubble_c_.begin(), bubble_c_.end());
-  for (Vec3& c : c_) c /= volume_;
+  const double scale = 1 / volume_;
+  for (Vec3& c : c_) c *= scale;
 }
 
 double VemCell::flops() const {
