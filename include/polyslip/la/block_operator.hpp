@@ -156,8 +156,7 @@ void replace_operations(Mat matrix, const MatrixOperations& operations);
 
 /// Rows of a MATAIJ without entries in columns of this rank are those of `rows` there, for the readers of this library (AijParts::lent): it holds
 /// only what is its own, and the couplings with ghosts. By halves, what it holds below the diagonal in columns of lent rows is theirs, transposed.
-/// Whoever reads such a matrix by PETSc's functions finds rows without a diagonal. The last
-/// one that is lent counts; it must outlive the matrix.
+/// Whoever reads such a matrix by PETSc's functions finds rows without a diagonal. The last one that is lent counts; it must outlive the matrix.
 void lend_rows(Mat matrix, const BlockOperator& rows);
 
 }  // namespace polyslip::la
