@@ -292,14 +292,14 @@ Eigen::Matrix<double, ni, ni> inverse_internal(const RowMajor& ii, const Eigen::
   return column_scale.asDiagonal() * scaled.partialPivLu().inverse();
 }
 
-/// result = a - b c of rows of n entries (those of b: ni), none of them the same.
+/// result = a - b c of rows of n entries (those of b: ni), none of them the same. A block that is free to slide leaves pivots of 0, not of rounding.
 template <int ni>
-POLYSLIP_BY_PROCESSOR void subtract_product(int n, const double* a, const double* b, const double* c, double* __restrict result) {
+POLYSLIP_BY_PROCESSOR_UNFUSED void subtract_product(int n, const double* a, const double* b, const double* c, double* __restrict result) {
   for (int i = 0; i < n; ++i, a += n, b += ni, result += n)
     for (int j = 0; j < n; ++j) {
-      double entry = a[j];
-      for (int k = 0; k < ni; ++k) entry -= b[k] * c[k * n + j];
-      result[j] = entry;
+      double product = 0;
+      for (int k = 0; k < ni; ++k) product += b[k] * c[k * n + j];
+      result[j] = a[j] - product;
     }
 }
 
