@@ -78,15 +78,12 @@ bool NonlinearElimination::choose_window() {
     if (is_unsettled_[face] && cells.faces()[face].cell >= 0)
       for (const Index i : cells.displacements(cells.faces()[face].cell)) mark(layout.entity_of(i));
   std::vector<Index> window = marked();
-  const auto rows_of = [&](const std::vector<Index>& entities) {
-    std::vector<Index> rows;
-    for (const Index entity : entities) layout.append_components(entity, rows);
-    return rows;
-  };
   PetscInt all = 0;
   POLYSLIP_PETSC(MatGetSize(system_.matrix(), &all, nullptr));
   const auto fits = [&](const std::vector<Index>& entities) {
-    const long long size = mpi::sum(system_.mesh().comm, static_cast<long long>(rows_of(entities).size()));
+    long long size = 0;
+    for (const Index entity : entities) size += layout.width(entity);
+    size = mpi::sum(system_.mesh().comm, size);
     return size > 0 && static_cast<double>(size) <= most_ * static_cast<double>(all);
   };
   bool is_small = rings_ > 0 || fits(window);
@@ -100,7 +97,8 @@ bool NonlinearElimination::choose_window() {
   }
   if (mpi::any(system_.mesh().comm, window != window_)) forget_window();
   window_ = std::move(window);
-  rows_ = rows_of(window_);
+  rows_.clear();
+  for (const Index entity : window_) layout.append_components(entity, rows_);
   return is_small;
 }
 
