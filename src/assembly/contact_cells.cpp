@@ -2,7 +2,6 @@
 
 #include <Eigen/LU>
 #include <algorithm>
-#include <functional>
 
 #include "polyslip/common/processor.hpp"
 #include "polyslip/geometry/faces.hpp"
@@ -74,9 +73,10 @@ void ContactCells::add_cell(const mesh::DistributedMesh& mesh, const Layout& lay
   cells_.push_back({vem.cell(), dim_ * vem.n_nodes() + vem.n_normals(), vem.n_nodes(), n_ext, vem.n_normals(), n_faces,
                     stiffness_.size(), jump_.size(), 0, 0, 0});
   is_contact_cell_[vem.cell()] = 1;
-  stiffness_.resize(stiffness_.size() + k * k);
   jump_.resize(jump_.size() + static_cast<std::size_t>(n_faces) * n_ext, 0.0);
-  physics::local_stiffness(dim_, vem, lame, gamma, {&stiffness_[cells_[p].stiffness], k * k});
+  std::vector<double> stiffness(k * k);
+  physics::local_stiffness(dim_, vem, lame, gamma, stiffness);
+  stiffness_.insert(stiffness_.end(), stiffness.begin() + static_cast<std::ptrdiff_t>(k) * cells_[p].n_own, stiffness.end());
 
   std::vector<Vec3> points, g;
   std::vector<double> w;
@@ -115,30 +115,27 @@ void ContactCells::attach_fluid(std::vector<ContactFluid> fluid) {
 }
 
 void ContactCells::allocate_condensed() {
-  std::size_t condensed = 0, internal = 0, coupling = 0;
+  std::size_t internal = 0, coupling = 0, pressing = 0;
   for (Index p = 0; p < size(); ++p) {
-    const auto e = static_cast<std::size_t>(block_size(p)), i = static_cast<std::size_t>(2 * dim_) * cells_[p].n_faces;
-    cells_[p].condensed = condensed;
+    const auto e = static_cast<std::size_t>(block_size(p)), i = static_cast<std::size_t>(internal_size(p));
     cells_[p].internal = internal;
     cells_[p].coupling = coupling;
-    condensed += e * e;
+    cells_[p].pressing = pressing;
     internal += i * i;
     coupling += e * i;
+    pressing += pressures(p).size() * i;
   }
-  condensed_.assign(condensed, 0.0);
-  symmetric_.clear();
   inverse_.assign(internal, 0.0);
-  m_ei_.assign(coupling, 0.0);
-  m_ie_.assign(coupling, 0.0);
+  coupling_.assign(coupling, 0.0);
+  pressing_.assign(pressing, 0.0);
+  recovery_.assign(coupling, 0.0);
+  held_recovery_.clear();
   is_stale_.assign(cells_.size(), 1);
 }
 
-std::span<const double> ContactCells::matrix(const std::vector<double>& pool, Index p) const {
-  const auto e = static_cast<std::size_t>(block_size(p));
-  return {&pool[cells_[p].condensed], e * e};
+const double* ContactCells::recovery(Index p, Friction friction) const {
+  return &(friction == Friction::held && cell_differs_[p] != 0 ? held_recovery_ : recovery_)[cells_[p].coupling];
 }
-
-std::span<const double> ContactCells::symmetric_block(Index p) const { return matrix(cell_differs_[p] ? symmetric_ : condensed_, p); }
 
 Vec3 ContactCells::jump(Index face, const MechanicalState& state) const {
   const ContactFace& contact = faces_[face];
@@ -159,13 +156,15 @@ void ContactCells::add_momentum(const MechanicalState& state, std::span<const do
     const Cell& cell = cells_[p];
     const auto displacements = displacements_[p];
     const auto faces = cell_faces_[p];
-    const int own = cell.n_own, n = own + dim_ * cell.n_faces;
+    const int own = cell.n_own, nb = dim_ * cell.n_faces, n = own + nb;
+    const double* stiffness = &stiffness_[cell.stiffness];
     v.resize(n);
-    r.resize(n);
+    r.setZero(n);
     for (int i = 0; i < own; ++i) v[i] = state.displacement[displacements[i]];
     for (int f = 0; f < cell.n_faces; ++f)
       for (int a = 0; a < dim_; ++a) v[own + dim_ * f + a] = state.bubble[static_cast<std::size_t>(dim_) * faces[f] + a];
-    la::multiply(n, n, &stiffness_[cell.stiffness], n, v.data(), r.data());
+    la::multiply(nb, n, stiffness, n, v.data(), r.data() + own);
+    la::add_transposed(nb, own, 1, stiffness, n, v.data() + own, r.data());
     for (int i = 0; i < own; ++i) displacement[displacements[i]] += r[i];
     for (int f = 0; f < cell.n_faces; ++f) {
       const ContactFace& contact = faces_[faces[f]];
@@ -181,33 +180,41 @@ void ContactCells::add_momentum(const MechanicalState& state, std::span<const do
   }
 }
 
-void ContactCells::blocks(Index p, std::span<const physics::ContactLinearisation> law, SaddleBlocks& m) const {
+void ContactCells::internal_block(Index p, std::span<const physics::ContactLinearisation> law, Eigen::Ref<RowMajor> ii) const {
   const Cell& cell = cells_[p];
   const auto faces = cell_faces_[p];
-  const int d = dim_, ne = block_size(p), own = cell.n_own, nb = d * cell.n_faces, n = own + nb;
-  const ConstMap k(&stiffness_[cell.stiffness], n, n);
-  m.ee.setZero(ne, ne);
-  m.ee.topLeftCorner(own, own) = k.topLeftCorner(own, own);
-  m.ei.setZero(ne, 2 * nb);
-  m.ei.topLeftCorner(own, nb) = k.topRightCorner(own, nb);
-  m.ie.setZero(2 * nb, ne);
-  m.ie.topLeftCorner(nb, own) = k.bottomLeftCorner(nb, own);
-  m.ii.setZero(2 * nb, 2 * nb);
-  m.ii.topLeftCorner(nb, nb) = k.bottomRightCorner(nb, nb);
+  const int d = dim_, nb = d * cell.n_faces, n = cell.n_own + nb;
+  ii.setZero();
+  ii.topLeftCorner(nb, nb) = ConstMap(&stiffness_[cell.stiffness], nb, n).rightCols(nb);
   for (int f = 0; f < cell.n_faces; ++f) {
     const ContactFace& contact = faces_[faces[f]];
     const auto frame = contact.frame.topLeftCorner(d, d);
-    const Components traction = contact.area * frame.transpose();
-    const Components d_jump = contact.area * law[faces[f]].d_jump.topLeftCorner(d, d) * frame;
+    ii.block(d * f, nb + d * f, d, d) = contact.area * frame.transpose();
+    ii.block(nb + d * f, d * f, d, d) = contact.area * law[faces[f]].d_jump.topLeftCorner(d, d) * frame;
+    ii.block(nb + d * f, nb + d * f, d, d) = contact.area * law[faces[f]].d_lam.topLeftCorner(d, d);
+  }
+}
+
+void ContactCells::blocks(Index p, std::span<const physics::ContactLinearisation> law, SaddleBlocks& m) const {
+  const Cell& cell = cells_[p];
+  const auto faces = cell_faces_[p];
+  const int d = dim_, ne = block_size(p), own = cell.n_own, nb = d * cell.n_faces;
+  const auto k_be = ConstMap(&stiffness_[cell.stiffness], nb, own + nb).leftCols(own);
+  m.ee.setZero(ne, ne);
+  m.ei.setZero(ne, 2 * nb);
+  m.ei.topLeftCorner(own, nb) = k_be.transpose();
+  m.ie.setZero(2 * nb, ne);
+  m.ie.topLeftCorner(nb, own) = k_be;
+  m.ii.resize(2 * nb, 2 * nb);
+  internal_block(p, law, m.ii);
+  for (int f = 0; f < cell.n_faces; ++f) {
     const double* j = &jump_[cell.jump + static_cast<std::size_t>(f) * cell.n_ext];
+    const Components traction = m.ii.block(d * f, nb + d * f, d, d), d_jump = m.ii.block(nb + d * f, d * f, d, d);
     for (int e = 0; e < cell.n_ext; ++e) {
       if (j[e] == 0) continue;
       m.ei.block(position(cell, e), nb + d * f, d, d) = j[e] * traction;
       m.ie.block(nb + d * f, position(cell, e), d, d) = j[e] * d_jump;
     }
-    m.ii.block(d * f, nb + d * f, d, d) = traction;
-    m.ii.block(nb + d * f, d * f, d, d) = d_jump;
-    m.ii.block(nb + d * f, nb + d * f, d, d) = contact.area * law[faces[f]].d_lam.topLeftCorner(d, d);
   }
   if (!fluid_.empty()) add_fluid_blocks(p, m);
 }
@@ -285,21 +292,48 @@ ContactCells::SaddleBlocks ContactCells::saddle_blocks(Index p, std::span<const 
 
 namespace {
 
-/// Inverse of M_II, ni x ni, with the multiplier columns in units of their face's stiffness, so that pivots compare like with like.
+/// Of M_II, ni x ni entries (Eigen::Dynamic where the compiler does not know that).
 template <int ni>
-Eigen::Matrix<double, ni, ni> inverse_internal(const RowMajor& ii, const Eigen::VectorXd& column_scale) {
+using Internal = Eigen::Matrix<double, ni, ni, Eigen::RowMajor>;
+
+/// Inverse of M_II, with the multiplier columns in units of their face's stiffness, so that pivots compare like with like.
+template <int ni>
+Internal<ni> inverse_internal(const Internal<ni>& ii, const Eigen::Matrix<double, ni, 1>& column_scale) {
   const Eigen::Matrix<double, ni, ni> scaled = ii * column_scale.asDiagonal();
   return column_scale.asDiagonal() * scaled.partialPivLu().inverse();
 }
 
-/// result = a - b c of rows of n entries (those of b: ni), none of them the same. A block that is free to slide leaves pivots of 0, not of rounding.
+/// Calls body with the rows and columns of M_II as a constant: nearly all cells have one face, and the compiler unrolls what it knows the size of.
+template <class Body>
+void with_size(int size, Body&& body) {
+  switch (size) {
+    case 4: return body.template operator()<4>();
+    case 6: return body.template operator()<6>();
+    default: return body.template operator()<Eigen::Dynamic>();
+  }
+}
+
+/// C = A B, row by row; A of ni x ni (`size`) entries, the rows of B and C `step` apart. Not fused: what cancels does so to the bit.
 template <int ni>
-POLYSLIP_BY_PROCESSOR_UNFUSED void subtract_product(int n, const double* a, const double* b, const double* c, double* __restrict result) {
-  for (int i = 0; i < n; ++i, a += n, b += ni, result += n)
-    for (int j = 0; j < n; ++j) {
-      double product = 0;
-      for (int k = 0; k < ni; ++k) product += b[k] * c[k * n + j];
-      result[j] = a[j] - product;
+POLYSLIP_BY_PROCESSOR_UNFUSED void multiply(int size, const double* a, int columns, const double* b, double* __restrict c, int step) {
+  const int n = ni == Eigen::Dynamic ? size : ni;
+  for (int i = 0; i < n; ++i, a += n, c += step)
+    for (int j = 0; j < columns; ++j) {
+      double sum = 0;
+      for (int k = 0; k < n; ++k) sum += a[k] * b[k * step + j];
+      c[j] = sum;
+    }
+}
+
+/// C -= A^T B of matrices of `columns`, A and B of ni (`size`) rows. A block that is free to slide leaves pivots of 0, not of rounding.
+template <int ni>
+POLYSLIP_BY_PROCESSOR_UNFUSED void subtract_product(int size, int columns, const double* a, const double* b, double* __restrict c) {
+  const int n = ni == Eigen::Dynamic ? size : ni;
+  for (int i = 0; i < columns; ++i, ++a, c += columns)
+    for (int j = 0; j < columns; ++j) {
+      double sum = 0;
+      for (int k = 0; k < n; ++k) sum += a[k * columns] * b[k * columns + j];
+      c[j] -= sum;
     }
 }
 
@@ -311,55 +345,97 @@ void ContactCells::set_apertures(std::vector<ApertureLinearisation> apertures) {
   apertures_ = std::move(apertures);
 }
 
+/// What does not depend on the contact law: M_EI, and of M_IE the columns of pressures.
+void ContactCells::couple(Index p) {
+  const Cell& cell = cells_[p];
+  const int nq = static_cast<int>(pressures(p).size());
+  SaddleBlocks m;
+  blocks(p, std::vector<physics::ContactLinearisation>(faces_.size()), m);
+  MutableMap(&coupling_[cell.coupling], m.ei.cols(), m.ei.rows()) = m.ei.transpose();
+  MutableMap(&pressing_[cell.pressing], m.ie.rows(), nq) = m.ie.rightCols(nq);
+}
+
+/// M_II^{-1}, and M_II^{-1} M_IE = M_II^{-1} [diag(1, D_J) M_EI^T, M_Iq] for displacements and pressures.
 template <int ni>
-void ContactCells::condense_cell(Index p, std::span<const physics::ContactLinearisation> law,
-                                 std::span<const physics::ContactLinearisation> symmetric, SaddleBlocks& m) {
+void ContactCells::find_recovery(Index p, std::span<const physics::ContactLinearisation> law, double* inverse, double* recovery) const {
   const Cell& cell = cells_[p];
   const auto faces = cell_faces_[p];
-  const int ne = block_size(p), size = 2 * dim_ * cell.n_faces;
-  Eigen::VectorXd scale = Eigen::VectorXd::Ones(size);
+  const int size = internal_size(p), ne = block_size(p), e = displacements_.row_size(p), nq = ne - e;
+  Internal<ni> ii(size, size);
+  internal_block(p, law, ii);
+  Eigen::Matrix<double, ni, 1> scale = Eigen::Matrix<double, ni, 1>::Ones(size);
   for (int f = 0; f < cell.n_faces; ++f) scale.segment(size / 2 + dim_ * f, dim_).setConstant(faces_[faces[f]].stiffness);
-  const auto condense = [&](const Eigen::Matrix<double, ni, ni>& inverse, double* block) {
-    const Eigen::Matrix<double, ni, Eigen::Dynamic, Eigen::RowMajor> recovered = inverse * m.ie;
-    if constexpr (ni == Eigen::Dynamic)
-      MutableMap(block, ne, ne) = m.ee - m.ei * recovered;
-    else
-      subtract_product<ni>(ne, m.ee.data(), m.ei.data(), recovered.data(), block);
-  };
-  blocks(p, law, m);
-  const Eigen::Matrix<double, ni, ni> inverse = inverse_internal<ni>(m.ii, scale);
-  MutableMap(&inverse_[cell.internal], size, size) = inverse;
-  MutableMap(&m_ei_[cell.coupling], ne, size) = m.ei;
-  MutableMap(&m_ie_[cell.coupling], size, ne) = m.ie;
-  condense(inverse, &condensed_[cell.condensed]);
-  if (cell_differs_[p] == 0) return;
-  symmetric_.resize(condensed_.size());
-  blocks(p, symmetric, m);
-  condense(inverse_internal<ni>(m.ii, scale), &symmetric_[cell.condensed]);
+  const Internal<ni> solved = inverse_internal<ni>(ii, scale);
+  Internal<ni> through = solved;
+  for (int f = 0; f < cell.n_faces; ++f) {
+    const int first = size / 2 + dim_ * f;
+    through.middleCols(first, dim_) = solved.middleCols(first, dim_) * law[faces[f]].d_jump.topLeftCorner(dim_, dim_);
+  }
+  multiply<ni>(size, through.data(), e, &coupling_[cell.coupling], recovery, ne);
+  if (nq > 0) MutableMap(recovery, size, ne).rightCols(nq) = solved * ConstMap(&pressing_[cell.pressing], size, nq);
+  MutableMap(inverse, size, size) = solved;
+}
+
+template <int ni>
+void ContactCells::condense_cell(Index p, std::span<const physics::ContactLinearisation> law, std::span<const physics::ContactLinearisation> symmetric) {
+  const Cell& cell = cells_[p];
+  double* inverse = &inverse_[cell.internal];
+  if (cell_differs_[p] != 0) {
+    held_recovery_.resize(recovery_.size());
+    find_recovery<ni>(p, symmetric, inverse, &held_recovery_[cell.coupling]);
+  }
+  find_recovery<ni>(p, law, inverse, &recovery_[cell.coupling]);
 }
 
 void ContactCells::condense(std::span<const physics::ContactLinearisation> law, std::span<const physics::ContactLinearisation> symmetric,
                             std::span<const char> differs) {
   const auto is_as_before = [&](Index f) { return law[f].has_derivatives_of(condensed_law_[f]) && differs[f] == condensed_differs_[f]; };
   const auto is_different = [&](Index f) { return differs[f] != 0; };
-  SaddleBlocks m;
   any_difference_ = false;
   for (Index p = 0; p < size(); ++p) {
     const auto faces = cell_faces_[p];
     has_changed_[p] = is_stale_[p] != 0 || !std::all_of(faces.begin(), faces.end(), is_as_before) ? 1 : 0;
     if (has_changed_[p] != 0) {
-      cell_differs_[p] = std::any_of(faces.begin(), faces.end(), is_different) ? 1 : 0;
-      switch (2 * dim_ * cells_[p].n_faces) {  // nearly all cells have one face: the compiler unrolls what it knows the size of
-        case 4: condense_cell<4>(p, law, symmetric, m); break;
-        case 6: condense_cell<6>(p, law, symmetric, m); break;
-        default: condense_cell<Eigen::Dynamic>(p, law, symmetric, m);
-      }
+      if (is_stale_[p] != 0) couple(p);
       is_stale_[p] = 0;
+      cell_differs_[p] = std::any_of(faces.begin(), faces.end(), is_different) ? 1 : 0;
+      with_size(internal_size(p), [&]<int ni>() { condense_cell<ni>(p, law, symmetric); });
     }
     any_difference_ = any_difference_ || cell_differs_[p] != 0;
   }
   condensed_law_.assign(law.begin(), law.end());
   condensed_differs_.assign(differs.begin(), differs.end());
+}
+
+void ContactCells::write_block(Index p, Friction friction, std::vector<double>& block) const {
+  const int ne = block_size(p);
+  block.assign(static_cast<std::size_t>(ne) * static_cast<std::size_t>(ne), 0.0);
+  if (!fluid_.empty()) {
+    SaddleBlocks& m = work_;
+    m.ee.setZero(ne, ne);
+    m.ei.setZero(ne, internal_size(p));
+    m.ie.setZero(internal_size(p), ne);
+    add_fluid_blocks(p, m);
+    MutableMap(block.data(), ne, ne) = m.ee;
+  }
+  with_size(internal_size(p),
+            [&]<int ni>() { subtract_product<ni>(internal_size(p), ne, &coupling_[cells_[p].coupling], recovery(p, friction), block.data()); });
+}
+
+void ContactCells::add_condensation(Index p, Friction friction, double factor, std::span<const double> x, std::span<double> y) const {
+  const int ne = block_size(p), ni = internal_size(p), n = static_cast<int>(x.size());
+  std::vector<double>& solved = work_internal_;
+  solved.resize(static_cast<std::size_t>(ni));
+  la::multiply(ni, n, recovery(p, friction), ne, x.data(), solved.data());
+  la::add_transposed(ni, n, -factor, &coupling_[cells_[p].coupling], ne, solved.data(), y.data());
+}
+
+double ContactCells::condensed_diagonal(Index p, Friction friction, int i) const {
+  const auto ne = static_cast<std::size_t>(block_size(p));
+  const double *left = &coupling_[cells_[p].coupling] + i, *right = recovery(p, friction) + i;
+  double sum = 0;
+  for (int k = 0; k < internal_size(p); ++k, left += ne, right += ne) sum -= *left * *right;
+  return sum;
 }
 
 void ContactCells::internal_residual(Index p, std::span<const double> bubble, std::span<const double> contact, std::vector<double>& r) const {
@@ -374,12 +450,12 @@ void ContactCells::condense_residual(std::span<const double> bubble, std::span<c
   std::vector<double> internal, solved, external;
   for (Index p = 0; p < size(); ++p) {
     const Cell& cell = cells_[p];
-    const int ne = block_size(p), ni = 2 * dim_ * cell.n_faces;
+    const int ne = block_size(p), ni = internal_size(p);
     internal_residual(p, bubble, contact, internal);
     solved.resize(internal.size());
-    external.resize(static_cast<std::size_t>(ne));
+    external.assign(static_cast<std::size_t>(ne), 0.0);
     la::multiply(ni, ni, &inverse_[cell.internal], ni, internal.data(), solved.data());
-    la::multiply(ne, ni, &m_ei_[cell.coupling], ni, solved.data(), external.data());
+    la::add_transposed(ni, ne, 1, &coupling_[cell.coupling], ne, solved.data(), external.data());
     auto r = external.begin();
     for (const Index i : displacements_[p]) displacement[i] -= *r++;
     for (const Index k : pressures(p)) flow[k] -= *r++;
@@ -390,20 +466,19 @@ void ContactCells::recover(std::span<const double> bubble, std::span<const doubl
   std::vector<double> internal, of_external, external, solved;
   for (Index p = 0; p < size(); ++p) {
     const Cell& cell = cells_[p];
-    const int ne = block_size(p), ni = 2 * dim_ * cell.n_faces;
+    const int ne = block_size(p), ni = internal_size(p);
     external.clear();
     for (const Index i : displacements_[p]) external.push_back(delta.displacement[i]);
     for (const Index k : pressures(p)) external.push_back(delta.pressure[k]);
     internal_residual(p, bubble, contact, internal);
     of_external.resize(internal.size());
     solved.resize(internal.size());
-    la::multiply(ni, ne, &m_ie_[cell.coupling], ne, external.data(), of_external.data());
-    std::transform(internal.begin(), internal.end(), of_external.begin(), internal.begin(), std::minus<>());
     la::multiply(ni, ni, &inverse_[cell.internal], ni, internal.data(), solved.data());
-    auto value = solved.begin();
+    la::multiply(ni, ne, recovery(p, Friction::moving), ne, external.data(), of_external.data());
+    auto of_residual = solved.begin(), of_displacement = of_external.begin();
     for (std::vector<double>* part : {&delta.bubble, &delta.multiplier})
       for (const Index face : cell_faces_[p])
-        for (int a = 0; a < dim_; ++a) (*part)[static_cast<std::size_t>(dim_) * face + a] = *value++;
+        for (int a = 0; a < dim_; ++a) (*part)[static_cast<std::size_t>(dim_) * face + a] = *of_residual++ - *of_displacement++;
   }
 }
 

@@ -484,6 +484,7 @@ void CoupledSystem::visit_blocks(MatrixContent content, const std::array<const V
   std::vector<PetscInt> u_rows, u_columns, rows, columns;
   std::vector<int> at_u_rows, at_u_columns, at_rows, at_columns;  // positions in the block
   RowMajor part;
+  std::vector<double> values;
   for (Index p = 0; p < contact_cells().size(); ++p) {
     const auto displacements = contact_cells().displacements(p), pressures = contact_cells().pressures(p);
     const int e = static_cast<int>(displacements.size()), size = contact_cells().block_size(p);
@@ -506,7 +507,7 @@ void CoupledSystem::visit_blocks(MatrixContent content, const std::array<const V
       rows.push_back(number);
       at_rows.push_back(e + i);
     }
-    const auto values = condensed_block(p, content);
+    contact_cells().write_block(p, friction_of(content), values);
     const Eigen::Map<const RowMajor> block(values.data(), size, size);
     part = scale_ * block(at_u_rows, at_columns);
     (*add[0])(u_rows, columns, part.data());
@@ -577,21 +578,25 @@ void CoupledSystem::apply_condensed(Vec x, Vec y) const {
   layout().exchange(state_.displacement);
   flow_.layout().halo().owner_to_ghost(state_.pressure);
   const la::VecWrite rows(y);
-  Eigen::VectorXd local;
+  std::vector<double> local, difference;
   for (Index p = 0; p < contact_cells().size(); ++p) {
     if (!contact_cells().differs(p)) continue;
     const auto displacements = contact_cells().displacements(p), pressures = contact_cells().pressures(p);
-    const int e = static_cast<int>(displacements.size()), size = contact_cells().block_size(p);
-    local.resize(size);
-    for (int i = 0; i < e; ++i) local[i] = fixed()[displacements[i]] ? 0.0 : state_.displacement[displacements[i]];
-    for (int i = e; i < size; ++i) local[i] = flow_.fixed()[pressures[i - e]] ? 0.0 : scale_ * state_.pressure[pressures[i - e]];
-    const Eigen::Map<const RowMajor> exact(contact_cells().block(p).data(), size, size);
-    const Eigen::Map<const RowMajor> symmetric(contact_cells().symmetric_block(p).data(), size, size);
-    const Eigen::VectorXd difference = exact * local - symmetric * local;
-    for (int i = 0; i < e; ++i)
-      if (const Index k = displacements[i]; k < layout().displacement_size() && !fixed()[k]) rows[k] += difference[i];
-    for (int i = e; i < size; ++i)
-      if (const Index k = pressures[i - e]; k < flow_.layout().size() && !flow_.fixed()[k]) rows[layout().displacement_size() + k] += scale_ * difference[i];
+    local.clear();
+    for (const Index k : displacements) local.push_back(fixed()[k] ? 0.0 : state_.displacement[k]);
+    for (const Index k : pressures) local.push_back(flow_.fixed()[k] ? 0.0 : scale_ * state_.pressure[k]);
+    difference.assign(local.size(), 0.0);
+    contact_cells().add_condensation(p, ContactCells::Friction::moving, 1, local, difference);
+    contact_cells().add_condensation(p, ContactCells::Friction::held, -1, local, difference);
+    auto row = difference.begin();
+    for (const Index k : displacements) {
+      if (k < layout().displacement_size() && !fixed()[k]) rows[k] += *row;
+      ++row;
+    }
+    for (const Index k : pressures) {
+      if (k < flow_.layout().size() && !flow_.fixed()[k]) rows[layout().displacement_size() + k] += scale_ * *row;
+      ++row;
+    }
   }
 }
 

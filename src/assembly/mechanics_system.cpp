@@ -90,9 +90,10 @@ Csr matrix_graph(const mesh::DistributedMesh& mesh, const Layout& layout, const 
 /// The matrix of a cell by blocks of entities.
 class CellBlocks {
  public:
-  CellBlocks(const Layout& layout, std::span<const char> fixed) : layout_(layout), fixed_(fixed) {}
+  enum class OfFixed { diagonal, nothing };  ///< What is left of prescribed displacements.
+  CellBlocks(const Layout& layout, std::span<const char> fixed, OfFixed left) : layout_(layout), fixed_(fixed), left_(left) {}
 
-  /// Of these entities; `matrix` is the leading part of rows of `width` entries. Of prescribed displacements only diagonal entries are left.
+  /// Of these entities; `matrix` is the leading part of rows of `width` entries.
   void assign(std::span<const Index> entities, std::span<const double> matrix, int width) {
     entities_ = entities;
     matrix_ = matrix.data();
@@ -121,12 +122,13 @@ class CellBlocks {
     double* entry = masked_.data();
     for (std::size_t i = 0; i < displacements_.size(); ++i, entry += width_)
       for (std::size_t j = 0; j < displacements_.size(); ++j)
-        if (i != j && (fixed_[displacements_[i]] || fixed_[displacements_[j]])) entry[j] = 0;
+        if ((i != j || left_ == OfFixed::nothing) && (fixed_[displacements_[i]] || fixed_[displacements_[j]])) entry[j] = 0;
     matrix_ = masked_.data();
   }
 
   const Layout& layout_;
   std::span<const char> fixed_;
+  OfFixed left_;
   std::span<const Index> entities_;
   std::vector<int> begin_;  ///< First row of each.
   const double* matrix_ = nullptr;
@@ -173,8 +175,8 @@ struct StiffnessSlot {
   std::vector<double> matrix;
 };
 
-/// Hands each of the cells (no + cells: their bubbles are not among the displacements) with these blocks to `insert(slot)`, which returns its
-/// floating-point operations. `weights` pay where the cells are most of all.
+/// Hands each of the cells with these blocks to `insert(slot)`, which returns its floating-point operations. In + cells bubbles come last, which
+/// are not among the entities. `weights` pay where the cells are most of all.
 template <class Insert>
 void visit_stiffness(const MechanicsSystem& system, std::span<const Index> cells, physics::Blocks blocks, const spaces::FaceWeights* weights,
                      la::KernelLog& log, Insert&& insert) {
@@ -244,10 +246,10 @@ void MechanicsSystem::keep_bulk_diagonal() {
 }
 
 template <class Wanted>
-std::vector<Index> MechanicsSystem::bulk_cells(Wanted&& wanted) const {
+std::vector<Index> MechanicsSystem::our_cells(Wanted&& wanted) const {
   std::vector<Index> chosen;
   for (Index cell = 0; cell < mesh_.mesh.n_cells(); ++cell) {
-    if (!cells_.contains(cell) && is_ours(cell) && wanted(cell)) chosen.push_back(cell);
+    if (is_ours(cell) && wanted(cell)) chosen.push_back(cell);
   }
   return chosen;
 }
@@ -267,7 +269,7 @@ void MechanicsSystem::assemble_bulk() {
 }
 
 double MechanicsSystem::sum_up_bulk(const Csr& graph, physics::Blocks blocks) {
-  const std::vector<Index> cells = bulk_cells([](Index) { return true; });
+  const std::vector<Index> cells = our_cells([](Index) { return true; });
   bulk_.reset();
   bulk_ = std::make_unique<la::BlockOperator>(layout_.matrix_layout(), graph, blocks == physics::Blocks::lower);
   const spaces::FaceWeights weights = [&] {
@@ -277,7 +279,7 @@ double MechanicsSystem::sum_up_bulk(const Csr& graph, physics::Blocks blocks) {
     return result;
   }();
   double flattest = 0;
-  CellBlocks cell_blocks(layout_, fixed());
+  CellBlocks cell_blocks(layout_, fixed(), CellBlocks::OfFixed::diagonal);
   visit_stiffness(*this, cells, blocks, &weights, kernels_, [&](const StiffnessSlot& slot) {
     flattest = std::max(flattest, slot.vem.flatness());
     cell_blocks.assign(slot.entities, slot.matrix, slot.vem.components());
@@ -389,11 +391,13 @@ void MechanicsSystem::write_contact_rows(MatrixContent content) {
       if (is_new[row] != 0) std::copy_n(saved, values.size(), values.begin());
       saved += static_cast<std::ptrdiff_t>(values.size());
     }
-  CellBlocks blocks(layout_, fixed());
+  CellBlocks blocks(layout_, fixed(), CellBlocks::OfFixed::nothing);
+  std::vector<double> block;
   for (Index p = 0; content != MatrixContent::bulk && p < cells_.size(); ++p) {
     const auto entities = std::as_const(contact_entities_)[p];
     if (std::none_of(entities.begin(), entities.end(), [&](Index i) { return i < layout_.owned_entities() && is_new[i] != 0; })) continue;
-    blocks.assign(entities, condensed_block(p, content), cells_.block_size(p));
+    cells_.write_block(p, friction_of(content), block);
+    blocks.assign(entities, block, cells_.block_size(p));
     add_rows(blocks, is_new, std::as_const(contact_places_)[p], *matrix_);
   }
   matrix_->end_writing();
@@ -412,7 +416,7 @@ void MechanicsSystem::set_loads(Loads loads) {
 void MechanicsSystem::compute_lift() {
   lift_.assign(static_cast<std::size_t>(layout_.displacement_size()), 0.0);
   std::vector<Index> displacements;
-  const std::vector<Index> cells = bulk_cells([&](Index cell) {
+  const std::vector<Index> cells = our_cells([&](Index cell) {
     displacements.clear();
     layout_.append_displacements(mesh_.mesh, cell, displacements);
     return std::any_of(displacements.begin(), displacements.end(), [&](Index i) { return loads_.dirichlet[i] != 0; });
@@ -421,10 +425,10 @@ void MechanicsSystem::compute_lift() {
   visit_stiffness(*this, cells, physics::Blocks::all, nullptr, log, [&](const StiffnessSlot& slot) {
     displacements.clear();
     for (const Index entity : slot.entities) layout_.append_components(entity, displacements);
-    const std::size_t n = displacements.size();
+    const std::size_t n = displacements.size(), width = static_cast<std::size_t>(slot.vem.components());
     for (std::size_t i = 0; i < n; ++i) {
       if (displacements[i] >= layout_.displacement_size() || fixed()[displacements[i]]) continue;
-      for (std::size_t j = 0; j < n; ++j) lift_[displacements[i]] += slot.matrix[i * n + j] * loads_.dirichlet[displacements[j]];
+      for (std::size_t j = 0; j < n; ++j) lift_[displacements[i]] += slot.matrix[i * width + j] * loads_.dirichlet[displacements[j]];
     }
     return 2.0 * static_cast<double>(n * n);
   });
@@ -479,14 +483,12 @@ void MechanicsSystem::multiply(std::span<const double> x, MatrixContent content,
   std::vector<double> local, rows;
   for (Index p = 0; p < cells_.size(); ++p) {
     const auto displacements = cells_.displacements(p);
-    const double* block = condensed_block(p, content).data();
-    const int n = static_cast<int>(displacements.size()), step = cells_.block_size(p);
-    local.resize(displacements.size());
-    rows.resize(displacements.size());
-    for (int j = 0; j < n; ++j) local[j] = fixed()[displacements[j]] ? 0.0 : x[displacements[j]];
-    la::multiply(n, n, block, step, local.data(), rows.data());
-    for (int i = 0; i < n; ++i)
-      if (const Index k = displacements[i]; k < layout_.displacement_size()) y[k] += fixed()[k] ? block[i * step + i] * x[k] : rows[i];
+    local.clear();
+    for (const Index k : displacements) local.push_back(fixed()[k] ? 0.0 : x[k]);
+    rows.assign(local.size(), 0.0);
+    cells_.add_condensation(p, friction_of(content), 1, local, rows);
+    for (std::size_t i = 0; i < rows.size(); ++i)
+      if (const Index k = displacements[i]; k < layout_.displacement_size() && !fixed()[k]) y[k] += rows[i];
   }
 }
 
@@ -496,9 +498,9 @@ void MechanicsSystem::diagonal(Vec y) const {
   std::copy(bulk.begin(), bulk.end(), entries.data());
   for (Index p = 0; content_ != MatrixContent::bulk && p < cells_.size(); ++p) {
     const auto displacements = cells_.displacements(p);
-    const auto block = condensed_block(p, content_);
     for (std::size_t i = 0; i < displacements.size(); ++i)
-      if (displacements[i] < layout_.displacement_size()) entries[displacements[i]] += block[i * (static_cast<std::size_t>(cells_.block_size(p)) + 1)];
+      if (const Index k = displacements[i]; k < layout_.displacement_size() && !fixed()[k])
+        entries[k] += cells_.condensed_diagonal(p, friction_of(content_), static_cast<int>(i));
   }
 }
 

@@ -37,4 +37,11 @@ POLYSLIP_BY_PROCESSOR void multiply(int rows, int columns, const double* a, int 
   }
 }
 
+POLYSLIP_BY_PROCESSOR void add_transposed(int rows, int columns, double factor, const double* a, int step, const double* x, double* y) {
+  for (int i = 0; i < rows; ++i, a += step) {
+    const double x_i = factor * x[i];
+    for (int j = 0; j < columns; ++j) y[j] += x_i * a[j];
+  }
+}
+
 }  // namespace polyslip::la

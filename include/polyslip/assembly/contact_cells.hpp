@@ -11,7 +11,10 @@
 //   lam  |  |sigma| D_J R j_e       |sigma| D_J R     |sigma| D_lam        |   contact rows, times |sigma|: a force
 //
 // with the jump J_sigma v = sum_e j_e v_e + v_{Ksigma}, the face frame R (rows n^+, t_1, t_2) and the derivatives D_J, D_lam of the contact law.
-// Condensed block: C = M_EE - M_EI M_II^{-1} M_IE, for any contact state.
+// K_EE is the bulk's, like the matrices of all other cells. What the elimination adds to it, for any contact state:
+//   C = M_EE - M_EI M_II^{-1} M_IE    with M_EE = 0 (without fluid)
+// of rank 2 dim n_faces at most: a product with it takes a quarter of the numbers of C. M_IE = diag(1, D_J) M_EI^T there, so that all that
+// follows the contact law is M_II^{-1}.
 //
 // With fluid (attach_fluid) E ends with pressures: q_K, then q_sigma^f of each of its fracture faces, then other flow unknowns whose
 // rows depend on the apertures (if conductivities are those of the end of the step). With D_d = d d_f/dJ (1 x dim, in the frame):
@@ -97,14 +100,18 @@ class ContactCells {
                     std::span<double> bubble) const;
 
   /// Condenses the cells for the given derivatives of the contact law (by local fracture face); those that are condensed for the same ones
-  /// already stay as they are. If `symmetric` derivatives differ on some face (friction bounds held), their blocks are condensed too.
+  /// already stay as they are. If `symmetric` derivatives differ on some face (friction bounds held), the cells are condensed for them too.
   void condense(std::span<const physics::ContactLinearisation> law, std::span<const physics::ContactLinearisation> symmetric,
                 std::span<const char> differs);
+  enum class Friction { moving, held };  ///< Whether bounds follow the normal traction in C.
   [[nodiscard]] bool has_changed(Index p) const { return has_changed_[p] != 0; }  ///< By the last condensation.
-  [[nodiscard]] std::span<const double> block(Index p) const { return matrix(condensed_, p); }          ///< C
-  [[nodiscard]] std::span<const double> symmetric_block(Index p) const;                                 ///< C with friction bounds held.
   [[nodiscard]] bool any_difference() const { return any_difference_; }
-  [[nodiscard]] bool differs(Index p) const { return cell_differs_[p] != 0; }
+  [[nodiscard]] bool differs(Index p) const { return cell_differs_[p] != 0; }  ///< Whether C depends on Friction.
+  /// C, row by row.
+  void write_block(Index p, Friction friction, std::vector<double>& block) const;
+  /// y -= factor M_EI M_II^{-1} M_IE x, for the first entries of E, as many as x and y have.
+  void add_condensation(Index p, Friction friction, double factor, std::span<const double> x, std::span<double> y) const;
+  [[nodiscard]] double condensed_diagonal(Index p, Friction friction, int i) const;  ///< C_ii of a displacement.
 
   /// Right-hand side: adds -M_EI M_II^{-1} r_I to the (local) displacement rows; r_I by local fracture face, bubble and contact rows.
   /// With fluid also to the rows of the flow unknowns (local).
@@ -113,7 +120,7 @@ class ContactCells {
   /// delta_I = M_II^{-1} (r_I - M_IE delta_E), for all faces of these cells.
   void recover(std::span<const double> bubble, std::span<const double> contact, MechanicalState& delta) const;
 
-  /// Blocks before condensation, for the saddle formulation; shapes as in the table above, row-major.
+  /// Blocks before condensation, for the saddle formulation; shapes as in the table above, row-major, without K_EE.
   struct SaddleBlocks {
     Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor> ee, ei, ie, ii;
   };
@@ -126,7 +133,7 @@ class ContactCells {
     int n_nodes;  ///< Of them, nodes.
     int n_ext;    ///< Copies of E.
     int n_normals, n_faces;
-    std::size_t stiffness, jump, condensed, internal, coupling;  // starts in the pools
+    std::size_t stiffness, jump, internal, coupling, pressing;  // starts in the pools
   };
   void add_cell(const mesh::DistributedMesh& mesh, const Layout& layout, spaces::VemCell& vem, const physics::Lame& lame, double gamma,
                 std::span<const Index> fracture_of_face);
@@ -134,11 +141,16 @@ class ContactCells {
   void allocate_condensed();
   /// Position in E of the first component of its copy e.
   [[nodiscard]] int position(const Cell& cell, int e) const { return dim_ * e + (e < cell.n_nodes ? 0 : cell.n_normals); }
-  [[nodiscard]] std::span<const double> matrix(const std::vector<double>& pool, Index p) const;
+  [[nodiscard]] int internal_size(Index p) const { return 2 * dim_ * cells_[p].n_faces; }  ///< Rows and columns of M_II.
+  void internal_block(Index p, std::span<const physics::ContactLinearisation> law,
+                      Eigen::Ref<Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>> ii) const;
   void blocks(Index p, std::span<const physics::ContactLinearisation> law, SaddleBlocks& m) const;
+  void couple(Index p);
   template <int ni>
-  void condense_cell(Index p, std::span<const physics::ContactLinearisation> law, std::span<const physics::ContactLinearisation> symmetric,
-                     SaddleBlocks& m);
+  void find_recovery(Index p, std::span<const physics::ContactLinearisation> law, double* inverse, double* recovery) const;
+  template <int ni>
+  void condense_cell(Index p, std::span<const physics::ContactLinearisation> law, std::span<const physics::ContactLinearisation> symmetric);
+  [[nodiscard]] const double* recovery(Index p, Friction friction) const;
   void add_fluid_blocks(Index p, SaddleBlocks& m) const;
   /// r_I of a cell.
   void internal_residual(Index p, std::span<const double> bubble, std::span<const double> contact, std::vector<double>& r) const;
@@ -148,11 +160,12 @@ class ContactCells {
   std::vector<char> is_contact_cell_;
   Csr displacements_, cell_faces_;
   std::vector<ContactFace> faces_;
-  std::vector<double> stiffness_;  ///< K over the components of VemCell, row-major.
+  std::vector<double> stiffness_;  ///< K_bE and K_bb, row by row.
   std::vector<double> jump_;       ///< j_e, shape (n_faces, n_ext).
-  std::vector<double> condensed_, symmetric_;
   std::vector<double> inverse_;    ///< M_II^{-1}
-  std::vector<double> m_ei_, m_ie_;
+  std::vector<double> coupling_;   ///< M_EI^T
+  std::vector<double> pressing_;   ///< Of M_IE, the columns of pressures.
+  std::vector<double> recovery_, held_recovery_;  ///< M_II^{-1} M_IE for each Friction, the second one where it differs.
   std::vector<char> cell_differs_, has_changed_;
   std::vector<ContactFluid> fluid_;
   std::vector<ApertureLinearisation> apertures_;
@@ -161,6 +174,9 @@ class ContactCells {
   std::vector<char> condensed_differs_;
   std::vector<char> is_stale_;  ///< By cell: condensed for nothing yet, or for other apertures.
   bool any_difference_ = false;
+
+  mutable SaddleBlocks work_;
+  mutable std::vector<double> work_internal_;
 };
 
 }  // namespace polyslip::assembly

@@ -1,8 +1,9 @@
 // The discrete mechanical problem of scheme.md section 3: residual, exact linearisation, and its condensed form (section 6).
 //
 // The matrix is over the displacements (of node copies, and of bubbles along normals where bubbles are on all faces):
-// P = A + sum_K C_K  with the bulk A (all cells but the + cells; assembled once, by halves of its blocks) and the condensed blocks C_K of the
-// + cells. What is multiplied is A, and C_K cell by cell (MatMult of P, too). P is for preconditioners and factorisations. Between Newton
+// P = A + sum_K C_K  with the bulk A (of all cells, without bubbles of fracture faces; assembled once, by halves of its blocks) and what their
+// elimination from the + cells adds, C_K. What is multiplied is A, and C_K by its factors (MatMult of P, too). P is for preconditioners and
+// factorisations. Between Newton
 // iterations only the rows of + cells are rewritten, and only these are held, unless somebody needs all of them: the others are those of A.
 // Where frictional slip makes C_K unsymmetric, P may hold the blocks of the same states with the friction bounds held (symmetric, what multigrid
 // likes); the exact condensed operator is A + sum_K C_K, see apply_condensed.
@@ -154,9 +155,9 @@ class MechanicsSystem {
   /// y = P x with this content, for all local displacements (x, ghosts last) and the owned ones (y). P itself is not touched.
   void multiply(std::span<const double> x, MatrixContent content, std::span<double> y) const;
   void apply(MatrixContent content, Vec x, Vec y) const;
-  /// C_K of a + cell with this content, which is not that of the bulk.
-  [[nodiscard]] std::span<const double> condensed_block(Index p, MatrixContent content) const {
-    return content == MatrixContent::exact ? cells_.block(p) : cells_.symmetric_block(p);
+  /// That of the C_K in this content, which is not that of the bulk.
+  [[nodiscard]] static ContactCells::Friction friction_of(MatrixContent content) {
+    return content == MatrixContent::exact ? ContactCells::Friction::moving : ContactCells::Friction::held;
   }
   [[nodiscard]] bool is_ours(Index cell) const;  ///< Whether this rank owns some of its displacements.
   [[nodiscard]] MatrixContent content() const { return content_; }
@@ -171,9 +172,9 @@ class MechanicsSystem {
   void find_contact_places();
   void write_bulk();
   void diagonal(Vec y) const;  ///< Of P.
-  /// Cells without a block to condense, of which this rank owns displacements, and that are `wanted`.
+  /// Cells of which this rank owns displacements, and that are `wanted`.
   template <class Wanted>
-  [[nodiscard]] std::vector<Index> bulk_cells(Wanted&& wanted) const;
+  [[nodiscard]] std::vector<Index> our_cells(Wanted&& wanted) const;
   void keep_bulk_diagonal();
   void describe_fields();
   void compute_lift();

@@ -6,6 +6,8 @@
 
 #include "polyslip/assembly/saddle_matrix.hpp"
 #include "polyslip/la/vec_access.hpp"
+#include "polyslip/physics/elasticity.hpp"
+#include "polyslip/spaces/vem_cell.hpp"
 #include "support/contact_scene.hpp"
 
 namespace polyslip {
@@ -301,6 +303,7 @@ INSTANTIATE_TEST_SUITE_P(every_shape, linearisation,
 /// Condensed blocks with one contact state on all faces, against the formulas of scheme.md section 6.
 class condensed_blocks : public testing::TestWithParam<Shape> {
  protected:
+  using RowMajor = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>;
   ContactScene scene_{[] { return fractured_box(GetParam(), 4, 0.25, 0.75); }, mixed_contact(GetParam().dim)};
   MechanicsSystem& system_ = *scene_.system;
   int dim_ = GetParam().dim;
@@ -324,15 +327,31 @@ class condensed_blocks : public testing::TestWithParam<Shape> {
     std::copy_n(a.data(), system_.layout().displacement_size(), b.data());
     return v;
   }
+  /// What the bulk holds of a + cell, over all n of its external unknowns.
+  [[nodiscard]] Eigen::MatrixXd k_ee(Index p, Eigen::Index n) const {
+    const Index cell = system_.contact_cells().mesh_cell(p);
+    const physics::Lame& lame = system_.moduli()[cell];
+    spaces::VemCell vem(scene_.mesh.mesh, spaces::Bubbles::fracture);
+    vem.build(cell);
+    const Eigen::Index k = vem.components(), own = dim_ * vem.n_nodes();
+    std::vector<double> matrix(static_cast<std::size_t>(k * k));
+    physics::local_stiffness(dim_, vem, lame, physics::stabilisation_factor(lame, system_.problem().stabilisation), matrix);
+    Eigen::MatrixXd result = Eigen::MatrixXd::Zero(n, n);
+    result.topLeftCorner(own, own) = Eigen::Map<const RowMajor>(matrix.data(), k, k).topLeftCorner(own, own);
+    return result;
+  }
   template <class Body>
   void for_each_cell(ContactState state, Body&& body) {
     put(state);
     system_.linearise(scene_.x, Content::exact);
     const auto& cells = system_.contact_cells();
+    std::vector<double> block;
     for (Index p = 0; p < cells.size(); ++p) {
-      const auto blocks = cells.saddle_blocks(p, system_.linearised_law());
+      auto blocks = cells.saddle_blocks(p, system_.linearised_law());
       const Eigen::Index n = blocks.ee.rows();
-      const Eigen::MatrixXd c = Eigen::Map<const Eigen::Matrix<double, -1, -1, Eigen::RowMajor>>(cells.block(p).data(), n, n);
+      blocks.ee += k_ee(p, n);
+      cells.write_block(p, assembly::ContactCells::Friction::moving, block);
+      const Eigen::MatrixXd c = k_ee(p, n) + Eigen::Map<const RowMajor>(block.data(), n, n);
       body(blocks, c);
     }
   }
