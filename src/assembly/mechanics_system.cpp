@@ -231,6 +231,7 @@ MechanicsSystem::MechanicsSystem(const mesh::DistributedMesh& mesh, const physic
       initial_(static_cast<std::size_t>(mesh.fractures.local()), Vec3::Zero()),
       previous_(static_cast<std::size_t>(mesh.fractures.local()), Vec3::Zero()),
       law_(static_cast<std::size_t>(mesh.fractures.local())),
+      is_outdated_(static_cast<std::size_t>(cells_.size()), 1),
       work_(layout_.create_state()),
       work2_(layout_.create_state()) {
   mpi::together(mesh.comm, [&] { assign_laws(mesh, problem, cells_); });
@@ -381,7 +382,7 @@ void MechanicsSystem::write_contact_rows(MatrixContent content) {
   const bool all = content == MatrixContent::bulk || content_ == MatrixContent::bulk;
   std::vector<char> is_new(static_cast<std::size_t>(layout_.owned_entities()), 0);
   for (Index p = 0; p < cells_.size(); ++p)
-    if (all || cells_.has_changed(p) || (content != content_ && cells_.differs(p)))
+    if (all || is_outdated_[p] != 0 || (content != content_ && cells_.differs(p)))
       for (const Index entity : std::as_const(contact_entities_)[p])
         if (entity < layout_.owned_entities()) is_new[entity] = 1;
   matrix_->begin_writing();
@@ -402,6 +403,7 @@ void MechanicsSystem::write_contact_rows(MatrixContent content) {
   }
   matrix_->end_writing();
   content_ = content;
+  is_outdated_.assign(is_outdated_.size(), 0);
 }
 
 void MechanicsSystem::set_loads(Loads loads) {
@@ -629,11 +631,16 @@ StateCounts MechanicsSystem::count(std::span<const ContactState> states) const {
   return counts;
 }
 
-void MechanicsSystem::linearise_contact(Vec x, MatrixContent content) {
+void MechanicsSystem::condense_contact(Vec x) {
   gather(x, work_);
   for (Index face = 0; face < mesh_.fractures.local(); ++face)
     if (cells_.faces()[face].cell >= 0) law_[face] = physics::linearise_contact(law_of(face), point(face, work_), augmentation(face));
-  condense_law(content);
+  condense_law();
+}
+
+void MechanicsSystem::linearise_contact(Vec x, MatrixContent content) {
+  condense_contact(x);
+  write_law(content);
 }
 
 void MechanicsSystem::with_open_faces(const std::function<void()>& work) {
@@ -641,13 +648,15 @@ void MechanicsSystem::with_open_faces(const std::function<void()>& work) {
       .residual = Vec3::Zero(), .d_lam = Eigen::Matrix3d::Identity(), .d_jump = Eigen::Matrix3d::Zero(), .state = ContactState::open};
   const MatrixContent content = content_;
   std::vector<ContactLinearisation> law = std::exchange(law_, std::vector(law_.size(), open));
-  condense_law(content);
+  condense_law();
+  write_law(content);
   work();
   law_ = std::move(law);
-  condense_law(content);
+  condense_law();
+  write_law(content);
 }
 
-void MechanicsSystem::condense_law(MatrixContent content) {
+void MechanicsSystem::condense_law() {
   const Index n = mesh_.fractures.local();
   std::vector<ContactLinearisation> symmetric(static_cast<std::size_t>(n));
   std::vector<char> differs(static_cast<std::size_t>(n), 0);
@@ -660,6 +669,11 @@ void MechanicsSystem::condense_law(MatrixContent content) {
     symmetric[face].d_jump.block<2, 1>(1, 0).setZero();
   }
   cells_.condense(law_, symmetric, differs);
+  for (Index p = 0; p < cells_.size(); ++p)
+    if (cells_.has_changed(p)) is_outdated_[p] = 1;
+}
+
+void MechanicsSystem::write_law(MatrixContent content) {
   symmetric_everywhere_ = !mpi::any(mesh_.comm, cells_.any_difference());
   matrix_is_exact_ = symmetric_everywhere_ || content == MatrixContent::exact;
   write_contact_rows(content);

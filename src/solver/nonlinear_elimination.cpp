@@ -128,16 +128,12 @@ std::vector<Index> NonlinearElimination::marked() {
 void NonlinearElimination::forget_window() {
   matrix_.reset();
   ksp_.reset();
+  has_matrix_ = false;
 }
 
-/// The last one again where it has the same rows.
-void NonlinearElimination::set_up_window() {
-  if (ksp_ != nullptr) {
-    if (matrix_ == nullptr) return blocks_->copy_again();
-    Mat matrix = matrix_;
-    POLYSLIP_PETSC(MatCreateSubMatrix(system_.matrix(), in_matrix_, in_matrix_, MAT_REUSE_MATRIX, &matrix));
-    return;
-  }
+/// A solver for W, before what depends on the contact law; the last one again where it has the same rows.
+void NonlinearElimination::create_solver() {
+  if (ksp_ != nullptr) return;
   PC pc = nullptr;
   POLYSLIP_PETSC(KSPCreate(system_.mesh().comm, ksp_.put()));
   POLYSLIP_PETSC(KSPSetOptionsPrefix(ksp_, prefix));
@@ -153,11 +149,21 @@ void NonlinearElimination::set_up_window() {
     POLYSLIP_PETSC(PCSetType(pc, PCJACOBI));
   }
   POLYSLIP_PETSC(KSPSetFromOptions(ksp_));
-  PetscBool multiplies_alone = PETSC_FALSE;
-  POLYSLIP_PETSC(PetscObjectTypeCompareAny(reinterpret_cast<PetscObject>(pc), &multiplies_alone, PCJACOBI, PCNONE, ""));
-  if (multiplies_alone) {
-    if (!blocks_) blocks_.emplace(system_.matrix());
-    blocks_->copy(rows_);
+  POLYSLIP_PETSC(PetscObjectTypeCompareAny(reinterpret_cast<PetscObject>(pc), &multiplies_alone_, PCJACOBI, PCNONE, ""));
+}
+
+/// Its matrix, of the contact law that was linearised last.
+void NonlinearElimination::set_matrix() {
+  if (has_matrix_ && multiplies_alone_) return products_->follow();
+  if (has_matrix_) {
+    Mat matrix = matrix_;
+    POLYSLIP_PETSC(MatCreateSubMatrix(system_.matrix(), in_matrix_, in_matrix_, MAT_REUSE_MATRIX, &matrix));
+    return;
+  }
+  has_matrix_ = true;
+  if (multiplies_alone_) {
+    if (!products_) products_.emplace(system_);
+    products_->choose(window_);
   } else {
     if (!system_.holds_all_rows()) throw std::logic_error("NonlinearElimination: PETSc cannot copy a window of rows that the matrix does not hold");
     std::vector<PetscInt> rows(rows_.size());
@@ -165,7 +171,7 @@ void NonlinearElimination::set_up_window() {
     POLYSLIP_PETSC(ISCreateGeneral(system_.mesh().comm, static_cast<PetscInt>(rows.size()), rows.data(), PETSC_COPY_VALUES, in_matrix_.put()));
     POLYSLIP_PETSC(MatCreateSubMatrix(system_.matrix(), in_matrix_, in_matrix_, MAT_INITIAL_MATRIX, matrix_.put()));
   }
-  Mat matrix = multiplies_alone ? blocks_->get() : matrix_.get();
+  Mat matrix = multiplies_alone_ ? products_->get() : matrix_.get();
   POLYSLIP_PETSC(KSPSetOperators(ksp_, matrix, matrix));
   POLYSLIP_PETSC(MatCreateVecs(matrix, solution_.put(), rhs_.put()));
 }
@@ -198,11 +204,15 @@ bool NonlinearElimination::step(Vec x, Vec f, PC of_rock) {
   } else {
     choose_faces();
     if (!choose_window()) return false;
+    create_solver();
   }
   // Pressures stay as they are. What is set up for the whole system knows symmetric matrices alone.
-  system_.linearise_contact(x, of_rock != nullptr ? MechanicsSystem::MatrixContent::symmetric : MechanicsSystem::MatrixContent::exact);
+  if (of_rock == nullptr && multiplies_alone_)
+    system_.condense_contact(x);
+  else
+    system_.linearise_contact(x, of_rock != nullptr ? MechanicsSystem::MatrixContent::symmetric : MechanicsSystem::MatrixContent::exact);
   system_.condense_residual(f, condensed_rows_);
-  if (of_rock == nullptr) set_up_window();
+  if (of_rock == nullptr) set_matrix();
   POLYSLIP_PETSC(VecZeroEntries(condensed_direction_));
   KSPConvergedReason reason = KSP_CONVERGED_ITERATING;
   {

@@ -108,9 +108,11 @@ class MechanicsSystem {
   [[nodiscard]] StateCounts count(std::span<const physics::ContactState> states) const;
 
   // --- linearisation ---
-  /// Linearises the contact law at x and condenses; then writes P, where it changes.
+  /// Linearises the contact law at x and condenses: what multiplies + cells by their factors follows, P does not yet.
+  void condense_contact(Vec x);
+  /// The same; then writes P, where it changes.
   void linearise_contact(Vec x, MatrixContent content);
-  /// The same, and all else that depends on x.
+  /// This, and all else that depends on x.
   virtual void linearise(Vec x, MatrixContent content) { linearise_contact(x, content); }
   /// Calls `work` while P is what it is where all fracture faces are open, then writes it again as it was. Collective.
   void with_open_faces(const std::function<void()>& work);
@@ -178,7 +180,8 @@ class MechanicsSystem {
   void keep_bulk_diagonal();
   void describe_fields();
   void compute_lift();
-  void condense_law(MatrixContent content);
+  void condense_law();
+  void write_law(MatrixContent content);
   void write_contact_rows(MatrixContent content);
   [[nodiscard]] physics::ContactLaw law_of(Index face) const;
   [[nodiscard]] physics::Augmentation augmentation(Index face) const {
@@ -218,6 +221,7 @@ class MechanicsSystem {
   std::vector<Vec3> initial_;   ///< J_sigma u^0 by local fracture face.
   std::vector<Vec3> previous_;  ///< J_sigma u^{n-1} by local fracture face.
   std::vector<physics::ContactLinearisation> law_;
+  std::vector<char> is_outdated_;  ///< By + cell: what P holds is of an earlier condensation.
 
   mutable MechanicalState work_, work2_;
 };

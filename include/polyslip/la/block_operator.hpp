@@ -26,6 +26,10 @@ class BlockOperator {
   BlockOperator(const BlockMatrix::Layout& layout, const Csr& graph, bool by_halves);
 
   [[nodiscard]] bool by_halves() const { return by_halves_; }
+  [[nodiscard]] int block() const { return width_; }  ///< Components of every entity; 0 where they differ.
+  [[nodiscard]] Index owned() const { return owned_; }
+  [[nodiscard]] Index local() const { return static_cast<Index>(first_.size()) - 1; }
+  [[nodiscard]] Index first(Index entity) const { return first_[static_cast<std::size_t>(entity)]; }  ///< Component; of local(): their number.
   [[nodiscard]] bool holds(Index row, Index col) const { return row < owned_ && (!by_halves_ || col <= row || col >= owned_); }
   /// Adds to the block of owned entity `row` and local entity `col`, which it holds; entry (a, b) is block[a * row_step + b * column_step].
   void add(Index row, Index col, const double* block, int row_step, int column_step) {
@@ -48,12 +52,21 @@ class BlockOperator {
     for (Index k = columns_.offsets[i]; k < end_of_own(i) && columns_.values[static_cast<std::size_t>(k)] <= i; ++k)
       visit(columns_.values[static_cast<std::size_t>(k)], block(k), b);
   }
-  /// visit_own for those with ghosts as well, which follow, whatever the widths.
+  /// The same for the ghosts, whatever the widths.
+  template <class Visit>
+  void visit_ghosts(Index i, Visit&& visit) const {
+    for (Index k = end_of_own(i); k < columns_.offsets[i + 1]; ++k) {
+      const Index ghost = columns_.values[static_cast<std::size_t>(k)];
+      visit(ghost, block(k), width(ghost));
+    }
+  }
+  /// For all blocks, whatever the widths: ghosts follow.
   template <class Visit>
   void visit_row(Index i, Visit&& visit) const {
     visit_own<0>(i, visit);
     visit_ghosts(i, visit);
   }
+  [[nodiscard]] Index blocks_held(Index i) const { return columns_.row_size(i); }
   [[nodiscard]] Index own_blocks(Index i) const { return end_of_own(i) - columns_.offsets[i] + above_.row_size(i); }  ///< How many these are.
   /// Calls visit(local entity) for all that an owned one is coupled with.
   template <class Visit>
@@ -79,7 +92,7 @@ class BlockOperator {
   [[nodiscard]] double blocks() const { return static_cast<double>(columns_.values.size()); }
 
  private:
-  [[nodiscard]] int width(Index entity) const { return first_[static_cast<std::size_t>(entity) + 1] - first_[static_cast<std::size_t>(entity)]; }
+  [[nodiscard]] int width(Index entity) const { return first(entity + 1) - first(entity); }
   [[nodiscard]] std::size_t first_value(Index k) const {
     return width_ > 0 ? static_cast<std::size_t>(k) * static_cast<std::size_t>(width_ * width_) : start_[static_cast<std::size_t>(k)];
   }
@@ -92,13 +105,6 @@ class BlockOperator {
   /// Behind the blocks of row i with owned entities that are held.
   [[nodiscard]] Index end_of_own(Index i) const { return columns_.offsets[i + 1] - ghosts_[static_cast<std::size_t>(i)]; }
   [[nodiscard]] const double* block(Index k) const { return values_.data() + first_value(k); }
-  template <class Visit>
-  void visit_ghosts(Index i, Visit&& visit) const {
-    for (Index k = end_of_own(i); k < columns_.offsets[i + 1]; ++k) {
-      const Index ghost = columns_.values[static_cast<std::size_t>(k)];
-      visit(ghost, block(k), width(ghost));
-    }
-  }
   void add_graph_row(Index row, std::span<const Index> graph, std::vector<Index>& next_above);
   template <int b>
   void write_blocks(BlockMatrix& matrix) const;

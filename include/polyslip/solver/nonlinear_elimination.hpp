@@ -16,7 +16,7 @@
 #include <vector>
 
 #include "polyslip/assembly/mechanics_system.hpp"
-#include "polyslip/la/principal_submatrix.hpp"
+#include "polyslip/solver/window_matrix.hpp"
 
 namespace polyslip::solver {
 
@@ -37,7 +37,8 @@ class NonlinearElimination {
   void mark(Index entity);
   [[nodiscard]] std::vector<Index> marked();
   void forget_window();
-  void set_up_window();
+  void create_solver();
+  void set_matrix();
   void set_up_rock(PC of_rock);
   bool step(Vec x, Vec f, PC of_rock);
 
@@ -49,10 +50,12 @@ class NonlinearElimination {
   std::vector<char> is_in_;     ///< By owned entity: W, while it grows,
   la::Handle<Vec> is_asked_;    ///< and 1 in the first rows of those that other ranks want in it.
   std::vector<Index> window_, rows_;  ///< W: owned entities, and their rows of the matrix by local numbers; ascending.
-  std::optional<la::PrincipalSubmatrix> blocks_;  ///< Rows and columns of W, where solvers need no more than products with them,
+  std::optional<WindowMatrix> products_;  ///< With rows and columns of W, where solvers need no more,
   la::Handle<IS> in_matrix_;
   la::Handle<Mat> matrix_;      ///< or those as a matrix of PETSc; a shell where W is all of the rock.
   la::Handle<KSP> ksp_;
+  bool has_matrix_ = false;     ///< The solver, of this window.
+  PetscBool multiplies_alone_ = PETSC_FALSE;  ///< Whether this is all that it does with its matrix.
   la::Handle<Vec> rhs_, solution_;
   PetscReal most_;              ///< -elimination_share: of all displacements that W may have (0: no elimination)
   PetscInt rings_;              ///< -elimination_rings: of neighbours, as far as W stays small

@@ -152,6 +152,22 @@ TEST_P(linearisation, writes_again_only_what_has_changed_and_comes_to_the_matrix
   }
 }
 
+TEST_P(linearisation, writes_what_was_condensed_before_without_being_written) {
+  system_.linearise(scene_.x, Content::exact);
+  {
+    const la::VecWrite a(scene_.x);
+    for (Index i = 0; i < system_.layout().fracture_size(); ++i) a[system_.layout().multiplier_start() + i] -= 10;
+  }
+  system_.condense_contact(scene_.x);
+  system_.linearise(scene_.x, Content::exact);
+  MechanicsSystem fresh(scene_.mesh, scene_.problem);
+  fresh.set_previous_jumps(system_.previous_jumps());
+  fresh.linearise(scene_.x, Content::exact);
+  PetscBool same = PETSC_FALSE;
+  POLYSLIP_PETSC(MatEqual(system_.matrix(), fresh.matrix(), &same));
+  EXPECT_TRUE(same);
+}
+
 TEST_P(linearisation, jump_is_the_face_mean_of_the_difference_of_sides_plus_the_bubble) {
   // Another affine field on each side; its face means are its values at face centres.
   const AffineField left(dim_);
