@@ -190,7 +190,7 @@ void ContactCells::internal_block(Index p, std::span<const physics::ContactLinea
     const ContactFace& contact = faces_[faces[f]];
     const auto frame = contact.frame.topLeftCorner(d, d);
     ii.block(d * f, nb + d * f, d, d) = contact.area * frame.transpose();
-    ii.block(nb + d * f, d * f, d, d) = contact.area * law[faces[f]].d_jump.topLeftCorner(d, d) * frame;
+    ii.block(nb + d * f, d * f, d, d) = contact.area * law[faces[f]].d_jump.topLeftCorner(d, d).lazyProduct(frame);
     ii.block(nb + d * f, nb + d * f, d, d) = contact.area * law[faces[f]].d_lam.topLeftCorner(d, d);
   }
 }
@@ -299,8 +299,11 @@ using Internal = Eigen::Matrix<double, ni, ni, Eigen::RowMajor>;
 /// Inverse of M_II, with the multiplier columns in units of their face's stiffness, so that pivots compare like with like.
 template <int ni>
 Internal<ni> inverse_internal(const Internal<ni>& ii, const Eigen::Matrix<double, ni, 1>& column_scale) {
-  const Eigen::Matrix<double, ni, ni> scaled = ii * column_scale.asDiagonal();
-  return column_scale.asDiagonal() * scaled.partialPivLu().inverse();
+  const Eigen::PartialPivLU<Eigen::Matrix<double, ni, ni>> factors(ii * column_scale.asDiagonal());
+  Internal<ni> inverse(ii.rows(), ii.cols());
+  for (Eigen::Index k = 0; k < ii.cols(); ++k)  // Eigen unrolls the solution for a vector, not that for a matrix
+    inverse.col(k) = column_scale.cwiseProduct(factors.solve(Eigen::Matrix<double, ni, 1>::Unit(ii.rows(), k)));
+  return inverse;
 }
 
 /// Calls body with the rows and columns of M_II as a constant: nearly all cells have one face, and the compiler unrolls what it knows the size of.
@@ -345,12 +348,12 @@ void ContactCells::set_apertures(std::vector<ApertureLinearisation> apertures) {
   apertures_ = std::move(apertures);
 }
 
-/// What does not depend on the contact law: M_EI, and of M_IE the columns of pressures.
-void ContactCells::couple(Index p) {
+/// What no contact law changes: M_EI, and of M_IE the columns of pressures.
+void ContactCells::couple(Index p, std::span<const physics::ContactLinearisation> law) {
   const Cell& cell = cells_[p];
   const int nq = static_cast<int>(pressures(p).size());
-  SaddleBlocks m;
-  blocks(p, std::vector<physics::ContactLinearisation>(faces_.size()), m);
+  SaddleBlocks& m = work_;
+  blocks(p, law, m);
   MutableMap(&coupling_[cell.coupling], m.ei.cols(), m.ei.rows()) = m.ei.transpose();
   MutableMap(&pressing_[cell.pressing], m.ie.rows(), nq) = m.ie.rightCols(nq);
 }
@@ -369,7 +372,7 @@ void ContactCells::find_recovery(Index p, std::span<const physics::ContactLinear
   Internal<ni> through = solved;
   for (int f = 0; f < cell.n_faces; ++f) {
     const int first = size / 2 + dim_ * f;
-    through.middleCols(first, dim_) = solved.middleCols(first, dim_) * law[faces[f]].d_jump.topLeftCorner(dim_, dim_);
+    through.middleCols(first, dim_) = solved.middleCols(first, dim_).lazyProduct(law[faces[f]].d_jump.topLeftCorner(dim_, dim_));
   }
   multiply<ni>(size, through.data(), e, &coupling_[cell.coupling], recovery, ne);
   if (nq > 0) MutableMap(recovery, size, ne).rightCols(nq) = solved * ConstMap(&pressing_[cell.pressing], size, nq);
@@ -396,7 +399,7 @@ void ContactCells::condense(std::span<const physics::ContactLinearisation> law, 
     const auto faces = cell_faces_[p];
     has_changed_[p] = is_stale_[p] != 0 || !std::all_of(faces.begin(), faces.end(), is_as_before) ? 1 : 0;
     if (has_changed_[p] != 0) {
-      if (is_stale_[p] != 0) couple(p);
+      if (is_stale_[p] != 0) couple(p, law);
       is_stale_[p] = 0;
       cell_differs_[p] = std::any_of(faces.begin(), faces.end(), is_different) ? 1 : 0;
       with_size(internal_size(p), [&]<int ni>() { condense_cell<ni>(p, law, symmetric); });

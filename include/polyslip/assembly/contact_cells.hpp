@@ -145,7 +145,7 @@ class ContactCells {
   void internal_block(Index p, std::span<const physics::ContactLinearisation> law,
                       Eigen::Ref<Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>> ii) const;
   void blocks(Index p, std::span<const physics::ContactLinearisation> law, SaddleBlocks& m) const;
-  void couple(Index p);
+  void couple(Index p, std::span<const physics::ContactLinearisation> law);
   template <int ni>
   void find_recovery(Index p, std::span<const physics::ContactLinearisation> law, double* inverse, double* recovery) const;
   template <int ni>
