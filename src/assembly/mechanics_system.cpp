@@ -6,6 +6,7 @@
 #include <cmath>
 #include <iterator>
 #include <limits>
+#include <numeric>
 #include <utility>
 
 #include "polyslip/assembly/cell_batches.hpp"
@@ -109,8 +110,12 @@ class CellBlocks {
       begin += components;
     }
     if (is_fixed) mask();
+    order_.resize(entities.size());
+    std::iota(order_.begin(), order_.end(), std::size_t{0});
+    std::sort(order_.begin(), order_.end(), [&](std::size_t k, std::size_t l) { return entities[k] < entities[l]; });
   }
   [[nodiscard]] std::span<const Index> entities() const { return entities_; }
+  [[nodiscard]] std::span<const std::size_t> ascending() const { return order_; }  ///< Positions among these, by their numbers.
   [[nodiscard]] const double* block(std::size_t k, std::size_t l) const { return matrix_ + begin_[k] * width_ + begin_[l]; }
   [[nodiscard]] int width() const { return width_; }
 
@@ -130,7 +135,8 @@ class CellBlocks {
   std::span<const char> fixed_;
   OfFixed left_;
   std::span<const Index> entities_;
-  std::vector<int> begin_;  ///< First row of each.
+  std::vector<int> begin_;           ///< First row of each.
+  std::vector<std::size_t> order_;
   const double* matrix_ = nullptr;
   int width_ = 0;
   std::vector<Index> displacements_;
@@ -151,15 +157,19 @@ void add_rows(const CellBlocks& cell, std::span<const char> wanted, std::span<co
 /// Adds the blocks of a cell to those that are held; by halves, its lower ones serve for the others as well. Returns how many it has added.
 double add_bulk(const CellBlocks& cell, la::BlockOperator& bulk) {
   const auto entities = cell.entities();
+  const auto order = cell.ascending();
   const int width = cell.width();
   double added = 0;
-  for (std::size_t k = 0; k < entities.size(); ++k)
-    for (std::size_t l = 0; l < (bulk.by_halves() ? k + 1 : entities.size()); ++l) {
-      const Index row = entities[k], col = entities[l];
-      if (bulk.holds(row, col))
-        bulk.add(row, col, cell.block(k, l), width, 1);
-      else if (bulk.by_halves() && bulk.holds(col, row))
-        bulk.add(col, row, cell.block(k, l), 1, width);
+  for (std::size_t i = 0; i < order.size(); ++i)
+    for (std::size_t j = 0; j < (bulk.by_halves() ? i + 1 : order.size()); ++j) {
+      const auto k = order[i], l = order[j];
+      const bool is_transposed = bulk.by_halves() && l > k;  // of the cell's matrix the lower blocks alone are there
+      const double* block = is_transposed ? cell.block(l, k) : cell.block(k, l);
+      const int row_step = is_transposed ? 1 : width, column_step = is_transposed ? width : 1;
+      if (bulk.holds(entities[k], entities[l]))
+        bulk.add(entities[k], entities[l], block, row_step, column_step);
+      else if (bulk.by_halves() && bulk.holds(entities[l], entities[k]))  // the row of a ghost
+        bulk.add(entities[l], entities[k], block, column_step, row_step);
       else
         continue;
       ++added;
