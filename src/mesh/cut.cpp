@@ -63,17 +63,19 @@ Numbering numbering(const LocalSet& set, const Ownership& owners, Index rank) {
 
 }  // namespace
 
-Ownership::Ownership(const std::vector<Index>& owner, Index ranks)
-    : first(static_cast<std::size_t>(ranks) + 1, 0), number(owner.size(), -1) {
+Ownership::Ownership(const std::vector<Index>& owner, const std::vector<char>& is_backwards)
+    : first(is_backwards.size() + 1, 0), number(owner.size(), -1) {
   for (const Index rank : owner) {
     if (rank >= 0) ++first[rank + 1];
   }
-  for (Index rank = 0; rank < ranks; ++rank) first[rank + 1] += first[rank];
+  for (std::size_t rank = 0; rank < is_backwards.size(); ++rank) first[rank + 1] += first[rank];
   order.resize(first.back());
-  std::vector<GlobalIndex> next(first.begin(), first.end() - 1);
+  std::vector<GlobalIndex> next;
+  for (std::size_t rank = 0; rank < is_backwards.size(); ++rank) next.push_back(is_backwards[rank] ? first[rank + 1] - 1 : first[rank]);
   for (std::size_t i = 0; i < owner.size(); ++i) {
     if (owner[i] < 0) continue;
-    number[i] = next[owner[i]]++;
+    GlobalIndex& place = next[owner[i]];
+    number[i] = is_backwards[owner[i]] ? place-- : place++;
     order[number[i]] = static_cast<Index>(i);
   }
 }
@@ -105,6 +107,26 @@ std::vector<Index> Sharers::owners(const std::vector<Index>& row, std::span<cons
   return result;
 }
 
+std::vector<char> borders_come_early(const PolyMesh& mesh, const std::vector<Index>& part, Index ranks) {
+  std::vector<char> early(ranks, 0);
+  if (mesh.dim == 2) return early;
+  std::vector<Index> place(part.size());  // of a cell among those of its rank
+  std::vector<long long> size(ranks, 0), sum(ranks, 0), count(ranks, 0);
+  for (std::size_t cell = 0; cell < part.size(); ++cell) {
+    if (part[cell] >= 0) place[cell] = static_cast<Index>(size[part[cell]]++);
+  }
+  for (const auto& sides : mesh.face_cells) {
+    if (sides[0] < 0 || sides[1] < 0 || part[sides[0]] == part[sides[1]]) continue;
+    for (const Index cell : sides) {
+      if (part[cell] < 0) continue;
+      sum[part[cell]] += place[cell];
+      ++count[part[cell]];
+    }
+  }
+  for (Index rank = 0; rank < ranks; ++rank) early[rank] = 2 * sum[rank] < count[rank] * (size[rank] - 1) ? 1 : 0;
+  return early;
+}
+
 Sharers copy_sharers(const PolyMesh& mesh, const std::vector<Index>& part) {
   Sharers sharers(mesh.n_copies());
   for (Index cell = 0; cell < mesh.n_cells(); ++cell) {
@@ -121,15 +143,16 @@ std::vector<Index> fracture_owner(const PolyMesh& mesh, const std::vector<Index>
   return owner;
 }
 
-PartCutter::PartCutter(const PolyMesh& whole, const std::vector<Index>& part, Index ranks, FlowEntities flow, const WholeNumbers& numbers)
+PartCutter::PartCutter(const PolyMesh& whole, const std::vector<Index>& part, const std::vector<char>& is_backwards, FlowEntities flow,
+                       const WholeNumbers& numbers)
     : whole_(whole),
       flow_(std::move(flow)),
       node_cells_(transpose(whole.cell_nodes, whole.n_nodes())),
-      cell_owners_(part, ranks),
-      copy_owners_(copy_sharers(whole, part).owners(whole.copy_node, numbers.nodes), ranks),
-      fracture_owners_(fracture_owner(whole, part), ranks),
-      trace_owners_(trace_sharers(whole, flow_, part).owners(flow_.trace_face, numbers.faces), ranks),
-      ridge_owners_(ridge_owner(whole, flow_, part), ranks),
+      cell_owners_(part, is_backwards),
+      copy_owners_(copy_sharers(whole, part).owners(whole.copy_node, numbers.nodes), is_backwards),
+      fracture_owners_(fracture_owner(whole, part), is_backwards),
+      trace_owners_(trace_sharers(whole, flow_, part).owners(flow_.trace_face, numbers.faces), is_backwards),
+      ridge_owners_(ridge_owner(whole, flow_, part), is_backwards),
       fracture_faces_(inner_fracture_faces(whole)),
       cells_(whole.n_cells()),
       copies_(whole.n_copies()),

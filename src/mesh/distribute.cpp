@@ -94,7 +94,7 @@ DistributedMesh whole_part(PolyMesh&& serial, const PartitionOptions& options) {
 DistributedMesh cut_and_send(MPI_Comm comm, const PolyMesh& serial, const std::vector<Index>& part,
                              const PartitionOptions& options) {
   const int ranks = mpi::size(comm);
-  PartCutter cutter(serial, part, ranks, options.flow ? flow_entities(serial) : FlowEntities());
+  PartCutter cutter(serial, part, borders_come_early(serial, part, ranks), options.flow ? flow_entities(serial) : FlowEntities());
   std::optional<Parcel> under_way;
   const auto cut = [&](int rank) {
     DistributedMesh next = cutter.cut(rank);

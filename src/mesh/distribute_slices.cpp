@@ -106,7 +106,9 @@ DistributedMesh distribute(SlicedMesh&& mesh, const std::vector<Index>& part, co
   build_copies(piece.mesh);
   const FlowEntities flow = options.flow ? flow_entities(piece.mesh) : FlowEntities();
   const WholeNumbers numbers{.nodes = piece.nodes, .faces = piece.faces};
-  DistributedMesh mine = PartCutter(piece.mesh, piece.part, mpi::size(comm), flow, numbers).cut(mpi::rank(comm));
+  const char early = borders_come_early(piece.mesh, piece.part, mpi::size(comm))[mpi::rank(comm)];  // of others the piece does not tell
+  const std::vector<double> all_early = mpi::all_gather(comm, early);
+  DistributedMesh mine = PartCutter(piece.mesh, piece.part, {all_early.begin(), all_early.end()}, flow, numbers).cut(mpi::rank(comm));
 
   mine.comm = comm;
   mine.total_nodes = nodes.total;

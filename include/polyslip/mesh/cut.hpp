@@ -12,16 +12,16 @@
 namespace polyslip::mesh {
 
 /// Which rank owns which entity of the serial mesh, and the global numbers that follow: contiguous by rank, within a rank in serial
-/// order.
+/// order or backwards.
 struct Ownership {
   std::vector<GlobalIndex> first;   ///< First global number of each rank, and the total behind the last.
   std::vector<GlobalIndex> number;  ///< Global number of each serial entity, -1 where nobody owns it.
   std::vector<Index> order;         ///< Serial entity of each global number.
 
   /// owner[i] is the rank of entity i, or -1 for none.
-  Ownership(const std::vector<Index>& owner, Index ranks);
+  Ownership(const std::vector<Index>& owner, const std::vector<char>& is_backwards);
 
-  /// Serial entities of a rank, ascending.
+  /// Serial entities of a rank, in its order.
   [[nodiscard]] std::span<const Index> of(Index rank) const {
     return {order.data() + first[rank], static_cast<std::size_t>(first[rank + 1] - first[rank])};
   }
@@ -54,6 +54,10 @@ class LocalSet {
   std::vector<Index> local_, members_;
 };
 
+/// By rank, whether its cells at other ranks come early in serial order, in 3D. Backwards they come late: incomplete factorisations eliminate
+/// what lies within before what other ranks see, best and fastest in the order of the matrix (the direct solvers of 2D choose their own).
+std::vector<char> borders_come_early(const PolyMesh& mesh, const std::vector<Index>& part, Index ranks);
+
 /// Numbers in the whole mesh of the nodes and faces of a piece of it; none where the piece is the whole.
 struct WholeNumbers {
   std::span<const Index> nodes, faces;
@@ -62,9 +66,10 @@ struct WholeNumbers {
 /// Cuts part after part out of one mesh (which must have its copies built). Linear in the size of the parts.
 class PartCutter {
  public:
-  /// part[c] is the rank of cell c. Borrows the mesh. `flow` holds the flow entities of the whole mesh, or nothing where none are
-  /// asked for.
-  PartCutter(const PolyMesh& whole, const std::vector<Index>& part, Index ranks, FlowEntities flow = {}, const WholeNumbers& numbers = {});
+  /// part[c] is the rank of cell c, and what ranks number backwards is told for each. Borrows the mesh. `flow` holds the flow entities of
+  /// the whole mesh, or nothing where none are asked for.
+  PartCutter(const PolyMesh& whole, const std::vector<Index>& part, const std::vector<char>& is_backwards, FlowEntities flow = {},
+             const WholeNumbers& numbers = {});
 
   /// The part of a rank, ghosts included; its comm is left to the caller.
   DistributedMesh cut(Index rank);

@@ -1,7 +1,9 @@
 // Serial meshes and what this rank gets of them, for the tests of distribution.
 #pragma once
 
+#include <algorithm>
 #include <cmath>
+#include <functional>
 #include <numeric>
 #include <set>
 #include <string>
@@ -69,6 +71,15 @@ inline std::vector<Case> cases(const PartitionOptions& options = {}) {
     }
   }
   return result;
+}
+
+/// Whether a rank has its entities from the last one of the serial mesh to the first.
+inline bool is_backwards(const DistributedMesh& part) { return part.cells.owned > 1 && part.cell_input[0] > part.cell_input[1]; }
+
+/// Whether the first ones of the input numbers ascend, or descend.
+template <class Number>
+bool is_in_order(const std::vector<Number>& input, Index owned, bool backwards) {
+  return backwards ? std::is_sorted(input.begin(), input.begin() + owned, std::greater<>()) : std::is_sorted(input.begin(), input.begin() + owned);
 }
 
 }  // namespace polyslip::mesh

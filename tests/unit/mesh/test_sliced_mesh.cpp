@@ -43,7 +43,7 @@ class SlicedMeshes : public ::testing::Test {
 
 /// The part of this rank out of the whole mesh, as distribute() has rank 0 cut it.
 DistributedMesh cut_out(const PolyMesh& whole, const std::vector<Index>& part, bool flow) {
-  PartCutter cutter(whole, part, mpi::size(world), flow ? flow_entities(whole) : FlowEntities());
+  PartCutter cutter(whole, part, borders_come_early(whole, part, mpi::size(world)), flow ? flow_entities(whole) : FlowEntities());
   return cutter.cut(mpi::rank(world));
 }
 
