@@ -140,6 +140,9 @@ HierarchyUpdate::Rows::Rows(Mat matrix, std::vector<PetscInt> rows) : rows_(std:
   const AijParts parts(matrix);
   const auto keep = [&](Mat part, std::vector<PetscScalar>& values) {
     const AijRows entries(part);
+    std::size_t size = 0;
+    for (const PetscInt row : rows_) size += static_cast<std::size_t>(entries.offsets()[row + 1] - entries.offsets()[row]);
+    values.reserve(size);
     for (const PetscInt row : rows_)
       values.insert(values.end(), entries.values() + entries.offsets()[row], entries.values() + entries.offsets()[row + 1]);
   };
