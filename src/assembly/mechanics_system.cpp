@@ -6,7 +6,7 @@
 #include <cmath>
 #include <iterator>
 #include <limits>
-#include <numeric>
+#include <optional>
 #include <utility>
 
 #include "polyslip/assembly/cell_batches.hpp"
@@ -110,12 +110,13 @@ class CellBlocks {
       begin += components;
     }
     if (is_fixed) mask();
-    order_.resize(entities.size());
-    std::iota(order_.begin(), order_.end(), std::size_t{0});
-    std::sort(order_.begin(), order_.end(), [&](std::size_t k, std::size_t l) { return entities[k] < entities[l]; });
+    order_.clear();
+    for (std::size_t k = 0; k < entities.size(); ++k) order_.push_back({entities[k], k});
+    if (entities.size() > 4) std::sort(order_.begin(), order_.end());  // the matrix finds the next place fast; for a few it saves less than it takes
   }
   [[nodiscard]] std::span<const Index> entities() const { return entities_; }
-  [[nodiscard]] std::span<const std::size_t> ascending() const { return order_; }  ///< Positions among these, by their numbers.
+  /// These, each with its position, in the order in which a matrix takes them.
+  [[nodiscard]] std::span<const std::pair<Index, std::size_t>> order() const { return order_; }
   [[nodiscard]] const double* block(std::size_t k, std::size_t l) const { return matrix_ + begin_[k] * width_ + begin_[l]; }
   [[nodiscard]] int width() const { return width_; }
 
@@ -136,7 +137,7 @@ class CellBlocks {
   OfFixed left_;
   std::span<const Index> entities_;
   std::vector<int> begin_;           ///< First row of each.
-  std::vector<std::size_t> order_;
+  std::vector<std::pair<Index, std::size_t>> order_;
   const double* matrix_ = nullptr;
   int width_ = 0;
   std::vector<Index> displacements_;
@@ -156,25 +157,32 @@ void add_rows(const CellBlocks& cell, std::span<const char> wanted, std::span<co
 
 /// Adds the blocks of a cell to those that are held; by halves, its lower ones serve for the others as well. Returns how many it has added.
 double add_bulk(const CellBlocks& cell, la::BlockOperator& bulk) {
-  const auto entities = cell.entities();
-  const auto order = cell.ascending();
+  const auto order = cell.order();
   const int width = cell.width();
   double added = 0;
   for (std::size_t i = 0; i < order.size(); ++i)
     for (std::size_t j = 0; j < (bulk.by_halves() ? i + 1 : order.size()); ++j) {
-      const auto k = order[i], l = order[j];
+      const auto& [row, k] = order[i];
+      const auto& [column, l] = order[j];
       const bool is_transposed = bulk.by_halves() && l > k;  // of the cell's matrix the lower blocks alone are there
       const double* block = is_transposed ? cell.block(l, k) : cell.block(k, l);
       const int row_step = is_transposed ? 1 : width, column_step = is_transposed ? width : 1;
-      if (bulk.holds(entities[k], entities[l]))
-        bulk.add(entities[k], entities[l], block, row_step, column_step);
-      else if (bulk.by_halves() && bulk.holds(entities[l], entities[k]))  // the row of a ghost
-        bulk.add(entities[l], entities[k], block, column_step, row_step);
+      if (bulk.holds(row, column))
+        bulk.add(row, column, block, row_step, column_step);
+      else if (bulk.by_halves() && bulk.holds(column, row))  // the row of a ghost
+        bulk.add(column, row, block, column_step, row_step);
       else
         continue;
       ++added;
     }
   return added;
+}
+
+/// Whether cells do not ask for the weights of faces, but for those at fractures.
+bool consists_of_simplices(const mesh::PolyMesh& mesh) {
+  for (Index cell = 0; cell < mesh.n_cells(); ++cell)
+    if (mesh.cell_nodes.row_size(cell) != mesh.dim + 1) return false;
+  return true;
 }
 
 /// A cell of a batch.
@@ -283,20 +291,20 @@ double MechanicsSystem::sum_up_bulk(const Csr& graph, physics::Blocks blocks) {
   const std::vector<Index> cells = our_cells([](Index) { return true; });
   bulk_.reset();
   bulk_ = std::make_unique<la::BlockOperator>(layout_.matrix_layout(), graph, blocks == physics::Blocks::lower);
-  const spaces::FaceWeights weights = [&] {
+  std::optional<spaces::FaceWeights> weights;
+  if (!consists_of_simplices(mesh_.mesh) || layout_.bubbles() == spaces::Bubbles::all) {
     la::KernelScope scope(kernels_, la::Kernel::geometry);
-    spaces::FaceWeights result(mesh_.mesh);
-    scope.add_flops(result.flops());
-    return result;
-  }();
+    weights.emplace(mesh_.mesh);
+    scope.add_flops(weights->flops());
+  }
   double flattest = 0;
   CellBlocks cell_blocks(layout_, fixed(), CellBlocks::OfFixed::diagonal);
-  visit_stiffness(*this, cells, blocks, &weights, kernels_, [&](const StiffnessSlot& slot) {
+  visit_stiffness(*this, cells, blocks, weights ? &*weights : nullptr, kernels_, [&](const StiffnessSlot& slot) {
     flattest = std::max(flattest, slot.vem.flatness());
     cell_blocks.assign(slot.entities, slot.matrix, slot.vem.components());
     return add_bulk(cell_blocks, *bulk_) * layout_.dim() * layout_.dim();  // nearly: bubbles along normals are narrower
   });
-  kernels_.add_bytes(la::Kernel::geometry, bytes_of_geometry(mesh_.mesh) + 2 * weights.bytes());
+  kernels_.add_bytes(la::Kernel::geometry, bytes_of_geometry(mesh_.mesh) + (weights ? 2 * weights->bytes() : 0));
   kernels_.add_bytes(la::Kernel::local_matrices, static_cast<double>(moduli_.size() * sizeof(physics::Lame)));
   kernels_.add_bytes(la::Kernel::insertion, 2 * bulk_->bytes());  // read and written
   return flattest;

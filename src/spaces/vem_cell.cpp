@@ -1,5 +1,6 @@
 #include "polyslip/spaces/vem_cell.hpp"
 
+#include <Eigen/Geometry>
 #include <algorithm>
 #include <cmath>
 
@@ -51,6 +52,34 @@ void VemCell::add_face(Index face) {
   }
 }
 
+/// c_s are the gradients of linear finite elements there, and faces need not be asked.
+bool VemCell::is_simplex_without_bubbles() const {
+  const auto simplex = static_cast<Index>(mesh_.dim) + 1;
+  if (bubbles_ == Bubbles::all || n_nodes_ != simplex || mesh_.cell_faces.row_size(cell_) != simplex) return false;
+  const auto faces = mesh_.cell_faces[cell_];
+  return std::none_of(faces.begin(), faces.end(), [&](Index face) { return mesh_.on_fracture(face); });
+}
+
+void VemCell::build_simplex() {
+  const Vec3 a = offsets_[1] - offsets_[0], b = offsets_[2] - offsets_[0];
+  c_.resize(offsets_.size());
+  if (mesh_.dim == 2) {
+    const double twice = a.x() * b.y() - a.y() * b.x();
+    c_[1] = Vec3(b.y(), -b.x(), 0) / twice;
+    c_[2] = Vec3(-a.y(), a.x(), 0) / twice;
+    c_[0] = -(c_[1] + c_[2]);
+    volume_ = std::abs(twice) / 2;
+    return;
+  }
+  const Vec3 d = offsets_[3] - offsets_[0], towards_1 = b.cross(d);
+  const double sixfold = towards_1.dot(a);
+  c_[1] = towards_1 / sixfold;
+  c_[2] = d.cross(a) / sixfold;
+  c_[3] = a.cross(b) / sixfold;
+  c_[0] = -(c_[1] + c_[2] + c_[3]);
+  volume_ = std::abs(sixfold) / 6;
+}
+
 void VemCell::build(Index cell) {
   cell_ = cell;
   const auto nodes = mesh_.cell_nodes[cell];
@@ -66,10 +95,12 @@ void VemCell::build(Index cell) {
     for (int j = 0; j < i; ++j) longest = std::max(longest, (offsets_[i] - offsets_[j]).squaredNorm());
   diameter_ = std::sqrt(longest);
 
-  c_.assign(nodes.size(), Vec3::Zero());
   for (auto* vectors : {&bubble_c_, &normal_c_, &normals_}) vectors->clear();
   bubble_faces_.clear();
   normal_faces_.clear();
+  is_simplex_ = is_simplex_without_bubbles();
+  if (is_simplex_) return build_simplex();
+  c_.assign(nodes.size(), Vec3::Zero());
   volume_ = 0;
   nodes_of_faces_ = 0;
   for (Index face : mesh_.cell_faces[cell]) add_face(face);
@@ -85,6 +116,7 @@ double VemCell::flops() const {
   double sum = 3 * n + 3 + 3 * n            // average of the nodes, offsets
                + 8 * n * (n - 1) / 2        // pairs of nodes: difference 3, square 5
                + 3.0 * size() + 2;          // gradient weights over |K|; root, |K|
+  if (is_simplex_) return sum + (mesh_.dim == 2 ? 4 + 3 + 2 : 9 + 27 + 5 + 6);  // edges, products of them, |K|, the sum of weights
   sum += 15.0 * nodes_of_faces_;              // sign, c, area vector and volume: 3 + 3 + 3 + 6 a node of a face
   if (weights_ != nullptr) return sum;
   for (Index face : mesh_.cell_faces[cell_]) sum += geometry::vector_weights_flops(mesh_.dim, mesh_.face_nodes.row_size(face));

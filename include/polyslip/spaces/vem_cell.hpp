@@ -6,7 +6,8 @@
 //                    a face, and only where bubbles are on all faces (then P1-bubble displacements and one pressure a cell are inf-sup stable)
 //   to size()-1      v_{Ksigma}, bubbles of the fracture faces whose + side is K, in the order of bubble_faces()
 // Gradient:  G_K v = sum_j v_j (x) c_j,   c_s = 1/|K| sum_sigma g_{sigma s},   c_sigma = 1/|K| sum_s g_{sigma s}
-// (g: vector weights out of K, geometry/faces.hpp; |sigma| w_s n where sigma is planar).
+// (g: vector weights out of K, geometry/faces.hpp; |sigma| w_s n where sigma is planar). On simplices without bubbles c_s is the gradient of the
+// barycentric coordinate of s.
 // Function:  Pi_K v(x) = G_K v (x - xbar) + 1/n_nodes sum_s v_{Ks}.
 #pragma once
 
@@ -75,6 +76,8 @@ class VemCell {
   void append_rule(std::vector<geometry::QuadraturePoint>& rule) const;
 
  private:
+  [[nodiscard]] bool is_simplex_without_bubbles() const;
+  void build_simplex();
   void add_face(Index face);
   [[nodiscard]] std::span<const Vec3> weights_of(Index face);
 
@@ -82,6 +85,7 @@ class VemCell {
   Bubbles bubbles_;
   const FaceWeights* weights_;
   Index cell_ = -1;
+  bool is_simplex_ = false;  ///< And without bubbles.
   int n_nodes_ = 0, nodes_of_faces_ = 0;
   double volume_ = 0, diameter_ = 0;
   Vec3 xbar_ = Vec3::Zero();
