@@ -110,20 +110,20 @@ std::vector<Index> Sharers::owners(const std::vector<Index>& row, std::span<cons
 std::vector<char> borders_come_early(const PolyMesh& mesh, const std::vector<Index>& part, Index ranks) {
   std::vector<char> early(ranks, 0);
   if (mesh.dim == 2) return early;
-  std::vector<Index> place(part.size());  // of a cell among those of its rank
-  std::vector<long long> size(ranks, 0), sum(ranks, 0), count(ranks, 0);
-  for (std::size_t cell = 0; cell < part.size(); ++cell) {
-    if (part[cell] >= 0) place[cell] = static_cast<Index>(size[part[cell]]++);
-  }
-  for (const auto& sides : mesh.face_cells) {
-    if (sides[0] < 0 || sides[1] < 0 || part[sides[0]] == part[sides[1]]) continue;
-    for (const Index cell : sides) {
-      if (part[cell] < 0) continue;
-      sum[part[cell]] += place[cell];
-      ++count[part[cell]];
-    }
-  }
-  for (Index rank = 0; rank < ranks; ++rank) early[rank] = 2 * sum[rank] < count[rank] * (size[rank] - 1) ? 1 : 0;
+  std::vector<char> is_seen(part.size(), 0);
+  const auto visit_pairs = [&](auto&& visit) {
+    for (const auto& sides : mesh.face_cells)
+      if (sides[0] >= 0 && sides[1] >= 0) visit(std::min(sides[0], sides[1]), std::max(sides[0], sides[1]));
+  };
+  visit_pairs([&](Index first, Index second) {
+    if (part[first] != part[second]) is_seen[first] = is_seen[second] = 1;
+  });
+  std::vector<long long> before(ranks, 0), behind(ranks, 0);  // neighbours within of cells at borders, in serial order
+  visit_pairs([&](Index first, Index second) {
+    if (part[first] != part[second] || part[first] < 0 || is_seen[first] == is_seen[second]) return;
+    ++(is_seen[second] != 0 ? before : behind)[part[first]];
+  });
+  for (Index rank = 0; rank < ranks; ++rank) early[rank] = behind[rank] > before[rank] ? 1 : 0;
   return early;
 }
 

@@ -54,8 +54,9 @@ class LocalSet {
   std::vector<Index> local_, members_;
 };
 
-/// By rank, whether its cells at other ranks come early in serial order, in 3D. Backwards they come late: incomplete factorisations eliminate
-/// what lies within before what other ranks see, best and fastest in the order of the matrix (the direct solvers of 2D choose their own).
+/// By rank, whether its cells at other ranks come before most of their neighbours within, in serial order, in 3D. Backwards they come behind
+/// them: incomplete factorisations eliminate what lies within before what other ranks see, best and fastest in the order of the matrix (the direct
+/// solvers of 2D choose their own).
 std::vector<char> borders_come_early(const PolyMesh& mesh, const std::vector<Index>& part, Index ranks);
 
 /// Numbers in the whole mesh of the nodes and faces of a piece of it; none where the piece is the whole.
