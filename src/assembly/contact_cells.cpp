@@ -382,7 +382,7 @@ void ContactCells::find_recovery(Index p, std::span<const physics::ContactLinear
 template <int ni>
 void ContactCells::condense_cell(Index p, std::span<const physics::ContactLinearisation> law, std::span<const physics::ContactLinearisation> symmetric) {
   const Cell& cell = cells_[p];
-  double* inverse = &inverse_[cell.internal];
+  double* inverse = &inverse_[cell.internal];  // of `law`, which comes last
   if (cell_differs_[p] != 0) {
     held_recovery_.resize(recovery_.size());
     find_recovery<ni>(p, symmetric, inverse, &held_recovery_[cell.coupling]);

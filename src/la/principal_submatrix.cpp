@@ -16,8 +16,8 @@ void PrincipalSubmatrix::with_block(Body&& body) {
 }
 
 void PrincipalSubmatrix::copy(const BlockOperator& whole, std::span<const Index> entities) {
-  const auto nodes_before = [&](Index entity) { return whole.first(entity) / block_; };
   block_ = whole.block() > 0 ? whole.block() : 1;
+  const auto nodes_before = [&](Index entity) { return whole.first(entity) / block_; };
   place_.assign(static_cast<std::size_t>(nodes_before(whole.local())), -1);
   Index places = 0;
   const auto place = [&](Index entity) {

@@ -3,10 +3,9 @@
 // The matrix is over the displacements (of node copies, and of bubbles along normals where bubbles are on all faces):
 // P = A + sum_K C_K  with the bulk A (of all cells, without bubbles of fracture faces; assembled once, by halves of its blocks) and what their
 // elimination from the + cells adds, C_K. What is multiplied is A, and C_K by its factors (MatMult of P, too). P is for preconditioners and
-// factorisations. Between Newton
-// iterations only the rows of + cells are rewritten, and only these are held, unless somebody needs all of them: the others are those of A.
-// Where frictional slip makes C_K unsymmetric, P may hold the blocks of the same states with the friction bounds held (symmetric, what multigrid
-// likes); the exact condensed operator is A + sum_K C_K, see apply_condensed.
+// factorisations. Between Newton iterations only the rows of + cells are rewritten, and only these are held, unless somebody needs all of them: the
+// others are those of A. Where frictional slip makes C_K unsymmetric, P may hold the blocks of the same states with the friction bounds held
+// (symmetric, what multigrid likes); the exact condensed operator is A + sum_K C_K, see apply_condensed.
 #pragma once
 
 #include <array>
