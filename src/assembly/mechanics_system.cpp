@@ -110,13 +110,8 @@ class CellBlocks {
       begin += components;
     }
     if (is_fixed) mask();
-    order_.clear();
-    for (std::size_t k = 0; k < entities.size(); ++k) order_.push_back({entities[k], k});
-    if (entities.size() > 4) std::sort(order_.begin(), order_.end());  // the matrix finds the next place fast; for a few it saves less than it takes
   }
   [[nodiscard]] std::span<const Index> entities() const { return entities_; }
-  /// These, each with its position, in the order in which a matrix takes them.
-  [[nodiscard]] std::span<const std::pair<Index, std::size_t>> order() const { return order_; }
   [[nodiscard]] const double* block(std::size_t k, std::size_t l) const { return matrix_ + begin_[k] * width_ + begin_[l]; }
   [[nodiscard]] int width() const { return width_; }
 
@@ -136,8 +131,7 @@ class CellBlocks {
   std::span<const char> fixed_;
   OfFixed left_;
   std::span<const Index> entities_;
-  std::vector<int> begin_;           ///< First row of each.
-  std::vector<std::pair<Index, std::size_t>> order_;
+  std::vector<int> begin_;  ///< First row of each.
   const double* matrix_ = nullptr;
   int width_ = 0;
   std::vector<Index> displacements_;
@@ -155,9 +149,16 @@ void add_rows(const CellBlocks& cell, std::span<const char> wanted, std::span<co
   }
 }
 
+/// Entities of a cell, each with its position there.
+using Positions = std::vector<std::pair<Index, std::size_t>>;
+
 /// Adds the blocks of a cell to those that are held; by halves, its lower ones serve for the others as well. Returns how many it has added.
-double add_bulk(const CellBlocks& cell, la::BlockOperator& bulk) {
-  const auto order = cell.order();
+/// `order` is work space.
+double add_bulk(const CellBlocks& cell, Positions& order, la::BlockOperator& bulk) {
+  const auto entities = cell.entities();
+  order.clear();
+  for (std::size_t k = 0; k < entities.size(); ++k) order.push_back({entities[k], k});
+  if (order.size() > 4) std::sort(order.begin(), order.end());  // the matrix finds the next place fast; for a few it saves less than it takes
   const int width = cell.width();
   double added = 0;
   for (std::size_t i = 0; i < order.size(); ++i)
@@ -299,10 +300,11 @@ double MechanicsSystem::sum_up_bulk(const Csr& graph, physics::Blocks blocks) {
   }
   double flattest = 0;
   CellBlocks cell_blocks(layout_, fixed(), CellBlocks::OfFixed::diagonal);
+  Positions order;
   visit_stiffness(*this, cells, blocks, weights ? &*weights : nullptr, kernels_, [&](const StiffnessSlot& slot) {
     flattest = std::max(flattest, slot.vem.flatness());
     cell_blocks.assign(slot.entities, slot.matrix, slot.vem.components());
-    return add_bulk(cell_blocks, *bulk_) * layout_.dim() * layout_.dim();  // nearly: bubbles along normals are narrower
+    return add_bulk(cell_blocks, order, *bulk_) * layout_.dim() * layout_.dim();  // nearly: bubbles along normals are narrower
   });
   kernels_.add_bytes(la::Kernel::geometry, bytes_of_geometry(mesh_.mesh) + (weights ? 2 * weights->bytes() : 0));
   kernels_.add_bytes(la::Kernel::local_matrices, static_cast<double>(moduli_.size() * sizeof(physics::Lame)));

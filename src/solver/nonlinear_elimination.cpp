@@ -128,7 +128,6 @@ std::vector<Index> NonlinearElimination::marked() {
 void NonlinearElimination::forget_window() {
   matrix_.reset();
   ksp_.reset();
-  has_matrix_ = false;
 }
 
 /// A solver for W, before what depends on the contact law; the last one again where it has the same rows.
@@ -154,13 +153,14 @@ void NonlinearElimination::create_solver() {
 
 /// Its matrix, of the contact law that was linearised last.
 void NonlinearElimination::set_matrix() {
-  if (has_matrix_ && multiplies_alone_) return products_->follow();
-  if (has_matrix_) {
+  PetscBool is_set = PETSC_FALSE;
+  POLYSLIP_PETSC(KSPGetOperatorsSet(ksp_, &is_set, nullptr));
+  if (is_set && multiplies_alone_) return products_->follow();
+  if (is_set) {
     Mat matrix = matrix_;
     POLYSLIP_PETSC(MatCreateSubMatrix(system_.matrix(), in_matrix_, in_matrix_, MAT_REUSE_MATRIX, &matrix));
     return;
   }
-  has_matrix_ = true;
   if (multiplies_alone_) {
     if (!products_) products_.emplace(system_);
     products_->choose(window_);

@@ -54,8 +54,7 @@ class NonlinearElimination {
   la::Handle<IS> in_matrix_;
   la::Handle<Mat> matrix_;      ///< or those as a matrix of PETSc; a shell where W is all of the rock.
   la::Handle<KSP> ksp_;
-  bool has_matrix_ = false;     ///< The solver, of this window.
-  PetscBool multiplies_alone_ = PETSC_FALSE;  ///< Whether this is all that it does with its matrix.
+  PetscBool multiplies_alone_ = PETSC_FALSE;  ///< Whether that is all it does with its matrix.
   la::Handle<Vec> rhs_, solution_;
   PetscReal most_;              ///< -elimination_share: of all displacements that W may have (0: no elimination)
   PetscInt rings_;              ///< -elimination_rings: of neighbours, as far as W stays small
